@@ -1,0 +1,24 @@
+//! Voxel volumes of multi-material prints.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`pitch`] | voxel edge lengths and the frame that places a grid in millimetres |
+//! | [`material`] | scattering and absorption coefficients of the print materials |
+//! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel |
+//! | [`control`] | progress and cancellation of long work |
+//!
+//! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
+//! with x fastest; coordinates are written `[x, y, z]`. Label 0 is air.
+#![forbid(unsafe_code)]
+
+pub mod control;
+pub mod error;
+pub mod grid;
+pub mod material;
+pub mod pitch;
+
+pub use control::{Control, Progress};
+pub use error::VoxelError;
+pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
+pub use material::{Material, MaterialTable};
+pub use pitch::{Frame, Pitch};
