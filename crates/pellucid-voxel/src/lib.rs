@@ -5,6 +5,7 @@
 //! | [`pitch`] | voxel edge lengths and the frame that places a grid in millimetres |
 //! | [`material`] | scattering and absorption coefficients of the print materials |
 //! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel |
+//! | [`surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`control`] | progress and cancellation of long work |
 //!
 //! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
@@ -15,10 +16,15 @@ pub mod control;
 pub mod error;
 pub mod grid;
 pub mod material;
+mod normals;
+mod occupancy;
 pub mod pitch;
+pub mod surface;
+mod surface_index;
 
 pub use control::{Control, Progress};
 pub use error::VoxelError;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
 pub use pitch::{Frame, Pitch};
+pub use surface::{Surface, SurfaceOptions};

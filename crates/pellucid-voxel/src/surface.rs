@@ -1,0 +1,379 @@
+//! Surface voxels with smooth outward normals.
+
+use std::sync::atomic::AtomicU64;
+
+use rayon::prelude::*;
+
+use crate::grid::tile_coords;
+use crate::normals::NormalEstimator;
+use crate::occupancy::{ROWS, surface_rows};
+use crate::surface_index::SurfaceIndex;
+use crate::{Control, Frame, LabelGrid, TILE, VoxelError};
+
+/// How a surface's normals are estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SurfaceOptions {
+    /// Radius of the ball about a surface voxel from which its normal is estimated, in mm.
+    /// A larger radius is smoother, a smaller one follows finer relief. Raised to 1.75 times the
+    /// longest voxel edge and lowered to 24 times the shortest where it lies outside these.
+    pub normal_radius_mm: f64,
+}
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        Self { normal_radius_mm: 0.25 }
+    }
+}
+
+/// The solid voxels with at least one of their six neighbours air or outside the grid, ascending
+/// by (z, y, x), each with a unit normal that points out of the solid.
+///
+/// ```
+/// use pellucid_voxel::{Control, Frame, LabelGrid, Pitch, Surface, SurfaceOptions, Tile};
+/// let frame = Frame::new([0.0; 3], Pitch::j750(), [32, 32, 32]).unwrap();
+/// let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
+/// let surface = Surface::extract(&grid, &SurfaceOptions::default(), &Control::none()).unwrap();
+/// assert_eq!(surface.len(), 32 * 32 * 32 - 30 * 30 * 30);
+/// let top = surface.index_of([16, 16, 31]).unwrap();
+/// assert_eq!(surface.voxels()[top as usize], [16, 16, 31]);
+/// assert!(surface.normals()[top as usize][2] > 0.99);
+/// assert_eq!(surface.index_of([16, 16, 16]), None);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Surface {
+    frame: Frame,
+    voxels: Vec<[u32; 3]>,
+    normals: Vec<[f32; 3]>,
+    index: SurfaceIndex,
+}
+
+impl Surface {
+    /// Finds the surface voxels of a grid and estimates their normals.
+    ///
+    /// A normal is the direction away from the weighted centre of the solid voxels within
+    /// [`SurfaceOptions::normal_radius_mm`]; see the `normals` module for its fallbacks on thin
+    /// parts. It never is NaN and always has unit length. Progress counts tiles.
+    ///
+    /// # Errors
+    /// [`VoxelError::Invalid`] when the radius is not finite and positive,
+    /// [`VoxelError::Unsupported`] past 2^32 - 2 surface voxels, [`VoxelError::Cancelled`].
+    pub fn extract(
+        grid: &LabelGrid,
+        options: &SurfaceOptions,
+        control: &Control,
+    ) -> Result<Surface, VoxelError> {
+        let estimator = NormalEstimator::new(grid, options.normal_radius_mm)?;
+        let dims = grid.tile_dims();
+        let masks = (0..grid.tiles().len())
+            .into_par_iter()
+            .filter_map(|i| {
+                if i % 4096 == 0 {
+                    if let Err(cancelled) = control.check() {
+                        return Some(Err(cancelled));
+                    }
+                }
+                surface_rows(grid, tile_coords(dims, i)).map(|rows| Ok((i as u32, rows)))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let index = SurfaceIndex::new(dims, &masks)?;
+        let total = masks.len() as u64;
+        drop(masks);
+
+        let mut voxels = vec![[0; 3]; index.len()];
+        let mut normals = vec![[0.0; 3]; index.len()];
+        let done = AtomicU64::new(0);
+        split_slabs(&index, dims[2], &mut voxels, &mut normals).into_par_iter().try_for_each(
+            |(tz, voxels, normals)| {
+                let first = index.slab(tz).start;
+                let tiles = index.slab_tiles(tz);
+                let estimated = tiles
+                    .par_iter()
+                    .map(|&i| {
+                        control.check()?;
+                        let points = tile_voxels(&index, i, tile_coords(dims, i));
+                        let normals = estimator.tile(tile_coords(dims, i), &points);
+                        control.advance(&done, 1, total);
+                        Ok((points, normals))
+                    })
+                    .collect::<Result<Vec<_>, VoxelError>>()?;
+                for (points, tile_normals) in estimated {
+                    for ((position, voxel), normal) in points.into_iter().zip(tile_normals) {
+                        voxels[position as usize - first] = voxel;
+                        normals[position as usize - first] = normal;
+                    }
+                }
+                Ok(())
+            },
+        )?;
+        Ok(Self { frame: *grid.frame(), voxels, normals, index })
+    }
+
+    /// A surface from voxels and normals that were stored or made elsewhere.
+    ///
+    /// # Errors
+    /// [`VoxelError::Invalid`] unless there are as many normals as voxels, the voxels lie within
+    /// the frame and ascend strictly by (z, y, x), and each normal's length is 1 within 1e-3.
+    pub fn from_parts(
+        frame: Frame,
+        voxels: Vec<[u32; 3]>,
+        normals: Vec<[f32; 3]>,
+    ) -> Result<Surface, VoxelError> {
+        if voxels.len() != normals.len() {
+            return Err(VoxelError::invalid(
+                "surface normals",
+                format!("{} for {} voxels", normals.len(), voxels.len()),
+            ));
+        }
+        let size = frame.size();
+        if let Some(v) = voxels.iter().find(|v| (0..3).any(|a| v[a] >= size[a])) {
+            return Err(VoxelError::invalid(
+                "surface voxels",
+                format!("{v:?} lies outside the grid {size:?}"),
+            ));
+        }
+        let key = |v: &[u32; 3]| [v[2], v[1], v[0]];
+        if let Some(pair) = voxels.windows(2).find(|p| key(&p[0]) >= key(&p[1])) {
+            return Err(VoxelError::invalid(
+                "surface voxels",
+                format!(
+                    "{:?} is followed by {:?}; sort by z, then y, then x, without repeats",
+                    pair[0], pair[1]
+                ),
+            ));
+        }
+        let unit = |n: &[f32; 3]| {
+            let length = n.iter().map(|&c| f64::from(c) * f64::from(c)).sum::<f64>().sqrt();
+            (length - 1.0).abs() <= 1e-3
+        };
+        if let Some(i) = normals.iter().position(|n| !unit(n)) {
+            return Err(VoxelError::invalid(
+                "surface normals",
+                format!("normal {i} is {:?}; it must have length 1", normals[i]),
+            ));
+        }
+        let dims = size.map(|s| s.div_ceil(TILE as u32));
+        let index = SurfaceIndex::new(dims, &rows_of(dims, &voxels))?;
+        Ok(Self { frame, voxels, normals, index })
+    }
+
+    /// Where the grid lies.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Number of surface voxels.
+    pub fn len(&self) -> usize {
+        self.voxels.len()
+    }
+
+    /// True when there are no surface voxels: the grid is all air.
+    pub fn is_empty(&self) -> bool {
+        self.voxels.is_empty()
+    }
+
+    /// The surface voxels `[x, y, z]`, ascending by (z, y, x).
+    pub fn voxels(&self) -> &[[u32; 3]] {
+        &self.voxels
+    }
+
+    /// Unit outward normals `[x, y, z]` in millimetre space, one a surface voxel.
+    pub fn normals(&self) -> &[[f32; 3]] {
+        &self.normals
+    }
+
+    /// Position of a voxel in [`Surface::voxels`]; `None` when it is not a surface voxel or lies
+    /// outside the grid. Two memory accesses.
+    #[inline]
+    pub fn index_of(&self, voxel: [u32; 3]) -> Option<u32> {
+        self.index.get(voxel)
+    }
+
+    /// Centre of surface voxel `point` in millimetres.
+    ///
+    /// # Panics
+    /// When `point` is not below [`Surface::len`].
+    pub fn position_mm(&self, point: u32) -> [f64; 3] {
+        self.frame.centre_mm(self.voxels[point as usize].map(i64::from))
+    }
+
+    /// Bytes held by voxels, normals and the index.
+    pub fn memory_bytes(&self) -> usize {
+        self.len() * (size_of::<[u32; 3]>() + size_of::<[f32; 3]>()) + self.index.memory_bytes()
+    }
+}
+
+type Slab<'a> = (usize, &'a mut [[u32; 3]], &'a mut [[f32; 3]]);
+
+/// Cuts the outputs into the parts that belong to each layer of tiles.
+fn split_slabs<'a>(
+    index: &SurfaceIndex,
+    slabs: u32,
+    mut voxels: &'a mut [[u32; 3]],
+    mut normals: &'a mut [[f32; 3]],
+) -> Vec<Slab<'a>> {
+    (0..slabs as usize)
+        .map(|tz| {
+            let count = index.slab(tz).len();
+            let (v, rest) = std::mem::take(&mut voxels).split_at_mut(count);
+            voxels = rest;
+            let (n, rest) = std::mem::take(&mut normals).split_at_mut(count);
+            normals = rest;
+            (tz, v, n)
+        })
+        .collect()
+}
+
+/// A tile's surface voxels with their list positions.
+fn tile_voxels(index: &SurfaceIndex, tile: usize, t: [u32; 3]) -> Vec<(u32, [u32; 3])> {
+    let [x0, y0, z0] = t.map(|v| v * TILE as u32);
+    let mut points = Vec::new();
+    for (row, (first, mask)) in index.tile_rows(tile).into_iter().flatten().enumerate() {
+        let (y, z) = (y0 + (row % TILE) as u32, z0 + (row / TILE) as u32);
+        let mut bits = mask;
+        let mut position = first;
+        while bits != 0 {
+            points.push((position, [x0 + bits.trailing_zeros(), y, z]));
+            position += 1;
+            bits &= bits - 1;
+        }
+    }
+    points
+}
+
+/// The surface rows of each tile that holds any of `voxels`, ascending by tile index.
+fn rows_of(dims: [u32; 3], voxels: &[[u32; 3]]) -> Vec<(u32, [u16; ROWS])> {
+    const T: u32 = TILE as u32;
+    let tile_of = |v: &[u32; 3]| (v[2] / T * dims[1] + v[1] / T) * dims[0] + v[0] / T;
+    let mut tiles: Vec<u32> = voxels.iter().map(tile_of).collect();
+    tiles.sort_unstable();
+    tiles.dedup();
+    let mut rows: Vec<_> = tiles.iter().map(|&tile| (tile, [0; ROWS])).collect();
+    for v in voxels {
+        let slot = tiles.binary_search(&tile_of(v)).expect("every voxel's tile was listed");
+        rows[slot].1[(v[2] % T * T + v[1] % T) as usize] |= 1 << (v[0] % T);
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Pitch, Tile};
+    use proptest::prelude::*;
+
+    fn extract(grid: &LabelGrid) -> Surface {
+        Surface::extract(grid, &SurfaceOptions::default(), &Control::none()).unwrap()
+    }
+
+    /// Surface voxels by the definition.
+    fn brute_force(grid: &LabelGrid) -> Vec<[u32; 3]> {
+        let [sx, sy, sz] = grid.size().map(i64::from);
+        let mut found = Vec::new();
+        for z in 0..sz {
+            for y in 0..sy {
+                for x in 0..sx {
+                    let around = [
+                        [x - 1, y, z],
+                        [x + 1, y, z],
+                        [x, y - 1, z],
+                        [x, y + 1, z],
+                        [x, y, z - 1],
+                        [x, y, z + 1],
+                    ];
+                    if grid.at([x, y, z]) != 0 && around.iter().any(|&v| grid.at(v) == 0) {
+                        found.push([x as u32, y as u32, z as u32]);
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    fn check(grid: &LabelGrid) -> Result<(), TestCaseError> {
+        let surface = extract(grid);
+        prop_assert_eq!(surface.voxels(), &brute_force(grid)[..]);
+        for n in surface.normals() {
+            let length: f32 = n.iter().map(|c| c * c).sum();
+            prop_assert!((length - 1.0).abs() < 1e-5, "{n:?}");
+        }
+        let [sx, sy, sz] = grid.size();
+        let mut next = 0;
+        for z in 0..sz + 17 {
+            for y in 0..sy + 17 {
+                for x in 0..sx + 17 {
+                    let expected = surface.voxels().get(next as usize) == Some(&[x, y, z]);
+                    prop_assert_eq!(surface.index_of([x, y, z]), expected.then_some(next));
+                    next += u32::from(expected);
+                }
+            }
+        }
+        let copy = Surface::from_parts(*grid.frame(), surface.voxels().to_vec(), surface.normals().to_vec())
+            .unwrap();
+        for (i, &v) in surface.voxels().iter().enumerate() {
+            prop_assert_eq!(copy.index_of(v), Some(i as u32));
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn agrees_with_the_definition(
+            size in [1u32..50, 1u32..40, 1u32..40],
+            fill in 0u8..2,
+            boxes in prop::collection::vec(([0u32..50, 0u32..40, 0u32..40], [1u32..40, 1u32..30, 1u32..30], 0u8..3), 0..6),
+            specks in prop::collection::vec(([0u32..50, 0u32..40, 0u32..40], 0u8..3), 0..40),
+        ) {
+            let frame = Frame::new([0.0; 3], Pitch::j750(), size).unwrap();
+            let mut grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(fill));
+            for (corner, extent, label) in boxes {
+                let from: [u32; 3] = std::array::from_fn(|a| corner[a] % size[a]);
+                let to: [u32; 3] = std::array::from_fn(|a| (from[a] + extent[a]).min(size[a]));
+                for z in from[2]..to[2] {
+                    for y in from[1]..to[1] {
+                        for x in from[0]..to[0] {
+                            grid.set([x, y, z], label);
+                        }
+                    }
+                }
+            }
+            for (v, label) in specks {
+                grid.set(std::array::from_fn(|a| v[a] % size[a]), label);
+            }
+            check(&grid)?;
+            let mut compressed = grid.clone();
+            compressed.compress();
+            check(&compressed)?;
+        }
+    }
+
+    #[test]
+    fn parts_are_checked() {
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [8, 8, 8]).unwrap();
+        let up = [0.0, 0.0, 1.0];
+        let make = |voxels: &[[u32; 3]], normals: &[[f32; 3]]| {
+            Surface::from_parts(frame, voxels.to_vec(), normals.to_vec())
+        };
+        assert_eq!(make(&[[7, 0, 0], [0, 1, 0], [0, 0, 1]], &[up; 3]).unwrap().len(), 3);
+        assert!(make(&[], &[]).unwrap().is_empty());
+        assert!(make(&[[0, 1, 0], [7, 0, 0]], &[up; 2]).is_err());
+        assert!(make(&[[0, 1, 0], [0, 1, 0]], &[up; 2]).is_err());
+        assert!(make(&[[8, 1, 0]], &[up]).is_err());
+        assert!(make(&[[1, 1, 0]], &[up; 2]).is_err());
+        assert!(make(&[[1, 1, 0]], &[[0.0, 0.0, 0.9]]).is_err());
+        assert!(make(&[[1, 1, 0]], &[[f32::NAN, 0.0, 1.0]]).is_err());
+    }
+
+    #[test]
+    fn stops_when_cancelled_and_refuses_a_bad_radius() {
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [20, 20, 20]).unwrap();
+        let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(1));
+        let stop = std::sync::atomic::AtomicBool::new(true);
+        let result = Surface::extract(&grid, &SurfaceOptions::default(), &Control::none().with_cancel(&stop));
+        assert_eq!(result.err(), Some(VoxelError::Cancelled));
+        for normal_radius_mm in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(Surface::extract(&grid, &SurfaceOptions { normal_radius_mm }, &Control::none()).is_err());
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! From a voxel to its position in the list of surface voxels.
+
+use crate::occupancy::ROWS;
+use crate::{TILE, VoxelError};
+
+/// Marks a tile without surface voxels.
+const NO_SLOT: u32 = u32::MAX;
+
+/// Position of each surface voxel in the list ordered by (z, y, x). Tiles with surface voxels hold
+/// one word a row of 16: the list position of the row's first surface voxel and a bit a voxel.
+#[derive(Clone, Debug)]
+pub(crate) struct SurfaceIndex {
+    tile_dims: [u32; 3],
+    /// One entry a tile: where its rows start in `rows`, divided by [`ROWS`].
+    slots: Vec<u32>,
+    /// Low 32 bits: list position before the row; next 16 bits: the surface voxels.
+    rows: Vec<u64>,
+    /// First list position of each layer of tiles, and the list's length.
+    slabs: Vec<u32>,
+}
+
+impl SurfaceIndex {
+    /// Builds the index from the surface rows of each tile that has any, ascending by tile index.
+    pub(crate) fn new(tile_dims: [u32; 3], tiles: &[(u32, [u16; ROWS])]) -> Result<Self, VoxelError> {
+        let tile_count = tile_dims.iter().map(|&d| d as usize).product();
+        let mut slots = vec![NO_SLOT; tile_count];
+        let mut rows = vec![0u64; tiles.len() * ROWS];
+        for (slot, (tile, _)) in tiles.iter().enumerate() {
+            slots[*tile as usize] = slot as u32;
+        }
+        let dx = tile_dims[0];
+        let per_slab = dx * tile_dims[1];
+        let mut next = 0u64;
+        let mut slabs = Vec::with_capacity(tile_dims[2] as usize + 1);
+        let mut first = 0;
+        for tz in 0..tile_dims[2] {
+            slabs.push(next as u32);
+            let count = tiles[first..].iter().take_while(|(tile, _)| tile / per_slab == tz).count();
+            let slab = &tiles[first..first + count];
+            for z in 0..TILE {
+                let mut start = first;
+                for line in slab.chunk_by(|a, b| a.0 / dx == b.0 / dx) {
+                    for y in 0..TILE {
+                        for (i, (_, masks)) in line.iter().enumerate() {
+                            let mask = masks[z * TILE + y];
+                            rows[(start + i) * ROWS + z * TILE + y] =
+                                next & u64::from(u32::MAX) | u64::from(mask) << 32;
+                            next += u64::from(mask.count_ones());
+                        }
+                    }
+                    start += line.len();
+                }
+            }
+            first += count;
+            if next >= u64::from(u32::MAX) {
+                return Err(VoxelError::unsupported(
+                    "surface",
+                    "more than 4294967294 surface voxels; use a coarser pitch or a smaller object",
+                ));
+            }
+        }
+        slabs.push(next as u32);
+        Ok(Self { tile_dims, slots, rows, slabs })
+    }
+
+    /// Number of surface voxels.
+    pub(crate) fn len(&self) -> usize {
+        self.slabs.last().map_or(0, |&n| n as usize)
+    }
+
+    /// The list position of a surface voxel; `None` for any other voxel, also outside the grid.
+    #[inline]
+    pub(crate) fn get(&self, voxel: [u32; 3]) -> Option<u32> {
+        const T: u32 = TILE as u32;
+        let [tx, ty, tz] = voxel.map(|v| v / T);
+        let [dx, dy, dz] = self.tile_dims;
+        if tx >= dx || ty >= dy || tz >= dz {
+            return None;
+        }
+        let slot = self.slots[(tz as usize * dy as usize + ty as usize) * dx as usize + tx as usize];
+        if slot == NO_SLOT {
+            return None;
+        }
+        let row = self.rows[slot as usize * ROWS + (voxel[2] % T * T + voxel[1] % T) as usize];
+        let x = voxel[0] % T;
+        let mask = (row >> 32) as u32;
+        (mask >> x & 1 == 1).then(|| row as u32 + (mask & ((1 << x) - 1)).count_ones())
+    }
+
+    /// List position before each of a tile's rows and the rows' surface bits; `None` for a tile
+    /// without surface voxels.
+    pub(crate) fn tile_rows(&self, tile_index: usize) -> Option<impl Iterator<Item = (u32, u16)>> {
+        let slot = self.slots[tile_index];
+        (slot != NO_SLOT).then(|| {
+            self.rows[slot as usize * ROWS..(slot as usize + 1) * ROWS]
+                .iter()
+                .map(|&row| (row as u32, (row >> 32) as u16))
+        })
+    }
+
+    /// List positions of the surface voxels in one layer of tiles.
+    pub(crate) fn slab(&self, tz: usize) -> std::ops::Range<usize> {
+        self.slabs[tz] as usize..self.slabs[tz + 1] as usize
+    }
+
+    /// Indices of the tiles with surface voxels in one layer of tiles, ascending.
+    pub(crate) fn slab_tiles(&self, tz: usize) -> Vec<usize> {
+        let per_slab = self.tile_dims[0] as usize * self.tile_dims[1] as usize;
+        (tz * per_slab..(tz + 1) * per_slab).filter(|&i| self.slots[i] != NO_SLOT).collect()
+    }
+
+    /// Bytes held.
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.slots.len() * 4 + self.rows.len() * 8 + self.slabs.len() * 4
+    }
+}
