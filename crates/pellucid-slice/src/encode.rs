@@ -1,0 +1,65 @@
+//! One layer of labels as one PNG.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use png::{BitDepth, ColorType, DeflateCompression, EncodingError, Filter, PixelDimensions, Unit};
+
+use crate::{RowOrder, SliceError};
+
+/// What every image of a stack has in common.
+pub(crate) struct LayerFormat {
+    pub width: u32,
+    pub height: u32,
+    pub dpi: [f64; 2],
+    pub rows: RowOrder,
+    /// RGBA of every label.
+    pub colors: [[u8; 4]; 256],
+}
+
+impl LayerFormat {
+    /// Writes a layer of labels, ordered `[y][x]`, as an RGBA PNG with its resolution in `pHYs`.
+    ///
+    /// The bytes depend on the arguments only. Rows are not filtered: labels of a halftone do not
+    /// predict each other, and repeated four-byte pixels are what deflate finds by itself.
+    pub fn write(&self, labels: &[u8], path: &Path) -> Result<(), SliceError> {
+        let file = File::create(path).map_err(SliceError::io("create", path))?;
+        let mut file = BufWriter::with_capacity(1 << 16, file);
+        self.encode(labels, &mut file).map_err(|e| match e {
+            EncodingError::IoError(source) => {
+                SliceError::Io { action: "write", path: path.to_owned(), source }
+            }
+            other => SliceError::file(path, other.to_string()),
+        })?;
+        file.flush().map_err(SliceError::io("write", path))
+    }
+
+    fn encode(&self, labels: &[u8], out: impl Write) -> Result<(), EncodingError> {
+        let mut encoder = png::Encoder::new(out, self.width, self.height);
+        encoder.set_color(ColorType::Rgba);
+        encoder.set_depth(BitDepth::Eight);
+        let per_metre = |dpi: f64| (dpi / 0.0254).round() as u32;
+        encoder.set_pixel_dims(Some(PixelDimensions {
+            xppu: per_metre(self.dpi[0]),
+            yppu: per_metre(self.dpi[1]),
+            unit: Unit::Meter,
+        }));
+        encoder.set_deflate_compression(DeflateCompression::Level(1));
+        encoder.set_filter(Filter::NoFilter);
+        let mut writer = encoder.write_header()?;
+        let mut stream = writer.stream_writer_with_size(1 << 18)?;
+        let width = self.width as usize;
+        let mut pixels = vec![0u8; width * 4];
+        for row in 0..self.height {
+            let y = self.rows.y_of_row(row, self.height) as usize;
+            let line = &labels[y * width..(y + 1) * width];
+            for (pixel, &label) in pixels.chunks_exact_mut(4).zip(line) {
+                pixel.copy_from_slice(&self.colors[usize::from(label)]);
+            }
+            stream.write_all(&pixels)?;
+        }
+        stream.finish()?;
+        writer.finish()
+    }
+}

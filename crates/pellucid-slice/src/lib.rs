@@ -1,0 +1,50 @@
+//! Print targets and slice export for multi-material inkjet printers.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`target`] | printer profiles: pitch, build space, limits, palette, image row order |
+//! | [`export`](mod@export) | a label grid as one RGBA PNG a layer and a manifest |
+//! | [`read`] | the way back: a stack of slices as a label grid |
+//! | [`manifest`] | `manifest.json`, everything another tool needs to use the slices |
+//! | [`staging`] | output folders that appear complete or not at all |
+//! | [`coupon`](mod@coupon) | a test print that shows whether the printer mirrors |
+//!
+//! Layer 0 is the bottom, z grows upwards, x grows along an image row. [`RowOrder`] says which end
+//! of y comes first; the built-in profile makes an image viewer show a layer as seen from above.
+//!
+//! ```
+//! use pellucid_slice::{ExportSettings, PrintTarget, export, read_stack};
+//! use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let target = PrintTarget::j750();
+//! let mut grid = LabelGrid::new(Frame::new([0.0; 3], target.pitch(), [50, 20, 40])?);
+//! grid.set([10, 5, 39], 3);
+//! # let temp = tempfile::tempdir()?;
+//! # let out = temp.path().join("print");
+//! let settings = ExportSettings { seed: 7, ..Default::default() };
+//! let manifest = export(&grid, &MaterialTable::cmykw(), &target, &settings, &out, &Control::none())?;
+//! assert_eq!((manifest.layers, manifest.materials[0].name.as_str()), (40, "yellow"));
+//! assert!(out.join("slices/slice_00039.png").exists());
+//! let (back, _) = read_stack(&out, &Control::none())?;
+//! assert!(back == grid);
+//! # Ok(())
+//! # }
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod coupon;
+mod encode;
+pub mod error;
+pub mod export;
+pub mod manifest;
+pub mod read;
+pub mod staging;
+pub mod target;
+
+pub use coupon::coupon;
+pub use error::SliceError;
+pub use export::{ExportSettings, check, export, write_stack};
+pub use manifest::{Manifest, ManifestMaterial};
+pub use read::read_stack;
+pub use staging::StagedDir;
+pub use target::{PrintTarget, RowOrder};

@@ -1,0 +1,188 @@
+//! The manifest beside a stack of slices.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use pellucid_voxel::{Frame, Pitch};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::{RowOrder, SliceError};
+
+/// What `format` says in every manifest.
+pub const FORMAT: &str = "pellucid-slices";
+/// The version this crate writes and reads.
+pub const FORMAT_VERSION: u32 = 1;
+/// File name of the manifest in an output folder.
+pub const MANIFEST_FILE: &str = "manifest.json";
+/// Where the slices lie in an output folder, printf style; the number is the layer, 0 at the bottom.
+pub const FILE_PATTERN: &str = "slices/slice_%05d.png";
+/// Largest manifest that is read, in bytes.
+const MAX_BYTES: u64 = 16 << 20;
+
+/// One material of a print.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ManifestMaterial {
+    /// Label in the voxel grid, 1 to 255.
+    pub label: u8,
+    /// Name in the material table.
+    pub name: String,
+    /// The colour that stands for it in the images.
+    pub rgba: [u8; 4],
+    /// Number of voxels of it.
+    pub voxels: u64,
+}
+
+/// Everything another tool needs to use a stack of slices. Written as `manifest.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Always [`FORMAT`].
+    pub format: String,
+    /// Version of this format, [`FORMAT_VERSION`].
+    pub format_version: u32,
+    /// Program and version that wrote the stack.
+    pub generator: String,
+    /// Name of the print target.
+    pub target: String,
+    /// Voxel edges `[x, y, z]` in millimetres.
+    pub pitch_mm: [f64; 3],
+    /// Dots per inch along `[x, y, z]`.
+    pub dpi: [f64; 3],
+    /// Lower corner of voxel (0, 0, 0) in millimetres, z up.
+    pub origin_mm: [f64; 3],
+    /// Voxels of the object's grid along `[x, y, z]`; every image is `size[0]` x `size[1]` pixels.
+    pub size: [u32; 3],
+    /// Number of images: `size[2]` and the padding above.
+    pub layers: u32,
+    /// Empty layers above the object, added where the printer asks for more layers.
+    pub padding_layers: u32,
+    /// Image names, printf style over the layer number, bottom layer 0 first.
+    pub files: String,
+    /// Which end of the y axis is the top row of an image.
+    pub row_order: RowOrder,
+    /// The same in words, for a reader without this crate.
+    pub orientation: String,
+    /// Colour of empty space.
+    pub background: [u8; 4],
+    /// The materials in use, by ascending label.
+    pub materials: Vec<ManifestMaterial>,
+    /// Random seed of the preparation.
+    pub seed: u64,
+    /// Further settings of the program that wrote the stack.
+    pub settings: Map<String, Value>,
+}
+
+impl Manifest {
+    /// Path of a layer's image in the output folder `dir`.
+    pub fn slice_path(&self, dir: &Path, layer: u32) -> PathBuf {
+        slice_path(dir, layer)
+    }
+
+    /// The frame of the object's grid.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] or [`SliceError::Unsupported`] as [`Frame::new`].
+    pub fn frame(&self) -> Result<Frame, SliceError> {
+        Ok(Frame::new(self.origin_mm, Pitch::new(self.pitch_mm)?, self.size)?)
+    }
+
+    /// Reads and checks `manifest.json` in an output folder.
+    ///
+    /// # Errors
+    /// [`SliceError::Io`] when it cannot be read, [`SliceError::Invalid`] when it is not a
+    /// consistent manifest, [`SliceError::Unsupported`] for another format version.
+    pub fn load(dir: &Path) -> Result<Self, SliceError> {
+        let path = dir.join(MANIFEST_FILE);
+        let io = |e| SliceError::Io { action: "read", path: path.clone(), source: e };
+        let mut bytes = Vec::new();
+        let file = std::fs::File::open(&path).map_err(io)?;
+        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
+        if bytes.len() as u64 > MAX_BYTES {
+            return Err(SliceError::file(&path, format!("is longer than {MAX_BYTES} bytes")));
+        }
+        let value: Value = serde_json::from_slice(&bytes)
+            .map_err(|e| SliceError::file(&path, format!("is not JSON: {e}")))?;
+        if value.get("format").and_then(Value::as_str) != Some(FORMAT) {
+            return Err(SliceError::file(
+                &path,
+                format!("is not a slice manifest: format must be {FORMAT:?}"),
+            ));
+        }
+        let version = value.get("format_version").and_then(Value::as_u64);
+        if version != Some(u64::from(FORMAT_VERSION)) {
+            return Err(SliceError::unsupported(
+                path.display().to_string(),
+                format!("format_version {version:?}; this release reads {FORMAT_VERSION}"),
+            ));
+        }
+        let manifest: Manifest =
+            serde_json::from_value(value).map_err(|e| SliceError::file(&path, e.to_string()))?;
+        manifest.check().map_err(|reason| SliceError::file(&path, reason))?;
+        Ok(manifest)
+    }
+
+    /// Writes the manifest into an output folder.
+    pub(crate) fn save(&self, dir: &Path) -> Result<(), SliceError> {
+        let path = dir.join(MANIFEST_FILE);
+        let mut text =
+            serde_json::to_string_pretty(self).map_err(|e| SliceError::file(&path, e.to_string()))?;
+        text.push('\n');
+        std::fs::write(&path, text).map_err(SliceError::io("write", &path))
+    }
+
+    /// Whether the fields agree with each other; the reason when not.
+    fn check(&self) -> Result<(), String> {
+        let frame = self.frame().map_err(|e| e.to_string())?;
+        if self.size[2].checked_add(self.padding_layers) != Some(self.layers) {
+            return Err(format!(
+                "layers {} must be size[2] {} and padding_layers {}",
+                self.layers, self.size[2], self.padding_layers
+            ));
+        }
+        if self.layers > Frame::MAX_EDGE {
+            return Err(format!("layers {} passes {}", self.layers, Frame::MAX_EDGE));
+        }
+        if self.files != FILE_PATTERN {
+            return Err(format!("files {:?} must be {FILE_PATTERN:?}", self.files));
+        }
+        let mut colors = vec![self.background];
+        let mut label = 0;
+        let mut voxels = 0u64;
+        for m in &self.materials {
+            if m.label <= label {
+                return Err(format!("materials: label {} of {:?} must ascend from 1", m.label, m.name));
+            }
+            if colors.contains(&m.rgba) {
+                return Err(format!("materials: {:?} has a colour in use, {:?}", m.name, m.rgba));
+            }
+            label = m.label;
+            colors.push(m.rgba);
+            voxels = voxels
+                .checked_add(m.voxels)
+                .filter(|&sum| sum <= frame.voxels())
+                .ok_or_else(|| format!("materials: more voxels than the grid's {}", frame.voxels()))?;
+        }
+        Ok(())
+    }
+}
+
+/// Path of a layer's image in the output folder `dir`, as [`FILE_PATTERN`].
+pub(crate) fn slice_path(dir: &Path, layer: u32) -> PathBuf {
+    dir.join("slices").join(format!("slice_{layer:05}.png"))
+}
+
+/// The words for [`Manifest::orientation`].
+pub(crate) fn orientation(rows: RowOrder) -> String {
+    let rows = match rows {
+        RowOrder::HighestYFirst => {
+            "The top row of an image is the highest y, so an image viewer shows the layer as seen from above"
+        }
+        RowOrder::LowestYFirst => {
+            "The top row of an image is y = 0, so an image viewer shows the layer mirrored, as seen from below"
+        }
+    };
+    format!(
+        "Layer 0 is the bottom; z grows upwards with the layer number. x grows with the column. {rows}. \
+         The axes are right-handed."
+    )
+}
