@@ -1,0 +1,203 @@
+//! Weights as safetensors files whose header says what they were trained for.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
+
+use crate::transform::FeatureTransform;
+use crate::variant::{CELLS_XYZ, LEVELS};
+use crate::{RpnnError, Variant, Weights};
+
+/// What a weights file was trained for.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Provenance {
+    /// The feature transform its inputs passed.
+    pub transform: FeatureTransform,
+    /// Voxel edges `[x, y, z]` of the training volumes in mm.
+    pub pitch_mm: [f64; 3],
+    /// Refractive index of the boundary; 1 is matched.
+    pub refractive_index: f64,
+    /// Smallest and largest scattering coefficient of the training materials, 1/mm.
+    pub sigma_s_range: [f64; 2],
+    /// Smallest and largest absorption coefficient of the training materials, 1/mm.
+    pub sigma_a_range: [f64; 2],
+    /// Commands, data and times that made the weights.
+    pub history: String,
+}
+
+/// Longest file that is read: the largest variant takes 15 MB.
+const MAX_BYTES: u64 = 64 << 20;
+const FORMAT: &str = "pellucid-rpnn-1";
+
+fn stencil() -> String {
+    let [x, y, z] = CELLS_XYZ;
+    format!("{LEVELS} levels of {x} x {y} x {z}")
+}
+
+/// Writes weights, by way of a temporary file beside `path`.
+///
+/// # Errors
+/// [`RpnnError::Io`] when the file cannot be written.
+pub fn save(path: &Path, weights: &Weights, provenance: &Provenance) -> Result<(), RpnnError> {
+    let io = |reason: String| RpnnError::Io { path: path.to_owned(), reason };
+    let bytes = to_bytes(weights, provenance).map_err(io)?;
+    let temporary = path.with_extension("safetensors.tmp");
+    let written = std::fs::File::create(&temporary).and_then(|mut file| {
+        std::io::Write::write_all(&mut file, &bytes)?;
+        file.sync_all()?;
+        std::fs::rename(&temporary, path)
+    });
+    written.map_err(|e| {
+        // The rename did not happen: the half-written file is of no use.
+        let _ = std::fs::remove_file(&temporary);
+        io(e.to_string())
+    })
+}
+
+fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, String> {
+    let raw = |range: std::ops::Range<usize>| -> Vec<u8> {
+        weights.values()[range].iter().flat_map(|v| v.to_le_bytes()).collect()
+    };
+    let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
+    for layer in &weights.layout().layers {
+        tensors.push((
+            format!("{}.weight", layer.name),
+            vec![layer.outputs, layer.inputs],
+            raw(layer.weight.clone()),
+        ));
+        if !layer.bias.is_empty() {
+            tensors.push((format!("{}.bias", layer.name), vec![layer.outputs], raw(layer.bias.clone())));
+        }
+    }
+    let views = tensors
+        .iter()
+        .map(|(name, shape, bytes)| Ok((name, TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
+        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+        .map_err(|e| e.to_string())?;
+    let header = HashMap::from([
+        ("format".to_owned(), FORMAT.to_owned()),
+        ("variant".to_owned(), weights.variant().name().to_owned()),
+        ("stencil".to_owned(), stencil()),
+        ("provenance".to_owned(), serde_json::to_string(provenance).map_err(|e| e.to_string())?),
+    ]);
+    serialize(views, Some(header)).map_err(|e| e.to_string())
+}
+
+/// Reads weights.
+///
+/// # Errors
+/// [`RpnnError::Io`] when the file cannot be read, [`RpnnError::Unsupported`] naming the header field that
+/// does not fit this crate's network.
+pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
+    let io = |reason: String| RpnnError::Io { path: path.to_owned(), reason };
+    let length = std::fs::metadata(path).map_err(|e| io(e.to_string()))?.len();
+    if length > MAX_BYTES {
+        return Err(io(format!("{length} bytes; weights take at most {MAX_BYTES}")));
+    }
+    parse(path, &std::fs::read(path).map_err(|e| io(e.to_string()))?)
+}
+
+/// Reads weights from memory; `name` stands in for the path in errors.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnError> {
+    let io = |reason: String| RpnnError::Io { path: name.to_owned(), reason };
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| io(e.to_string()))?;
+    let fields = header.metadata().clone().unwrap_or_default();
+    let field = |key: &str| fields.get(key).cloned().unwrap_or_default();
+    let unsupported = |key: &str, needed: &str| RpnnError::Unsupported {
+        path: name.to_owned(),
+        field: key.to_owned(),
+        reason: format!("{:?}; this version reads {needed}", field(key)),
+    };
+    if field("format") != FORMAT {
+        return Err(unsupported("format", FORMAT));
+    }
+    if field("stencil") != stencil() {
+        return Err(unsupported("stencil", &stencil()));
+    }
+    let variant = Variant::from_name(&field("variant"))
+        .ok_or_else(|| unsupported("variant", "baseline, L, O and L+O"))?;
+    let provenance: Provenance = serde_json::from_str(&field("provenance"))
+        .map_err(|_| unsupported("provenance", "a complete record"))?;
+    let tensors = SafeTensors::deserialize(bytes).map_err(|e| io(e.to_string()))?;
+    let mut weights = Weights::zeros(variant);
+    let layout = weights.layout().clone();
+    for layer in &layout.layers {
+        let mut read = |suffix: &str, shape: &[usize], range: std::ops::Range<usize>| {
+            let tensor_name = format!("{}.{suffix}", layer.name);
+            let tensor = tensors.tensor(&tensor_name).map_err(|e| io(format!("{tensor_name}: {e}")))?;
+            if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
+                return Err(io(format!(
+                    "{tensor_name} is {:?} {:?}, not f32 {shape:?}",
+                    tensor.dtype(),
+                    tensor.shape()
+                )));
+            }
+            for (v, b) in weights.values_mut()[range].iter_mut().zip(tensor.data().chunks_exact(4)) {
+                *v = f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+            }
+            Ok(())
+        };
+        read("weight", &[layer.outputs, layer.inputs], layer.weight.clone())?;
+        if !layer.bias.is_empty() {
+            read("bias", &[layer.outputs], layer.bias.clone())?;
+        }
+    }
+    let weights = Weights::new(variant, weights.values().to_vec()).map_err(|e| io(e.to_string()))?;
+    Ok((weights, provenance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn provenance() -> Provenance {
+        Provenance {
+            transform: FeatureTransform::Log,
+            pitch_mm: [0.04, 0.08, 0.03],
+            refractive_index: 1.5,
+            sigma_s_range: [0.1, 24.0],
+            sigma_a_range: [0.001, 16.0],
+            history: "made by a test".into(),
+        }
+    }
+
+    #[test]
+    fn round_trip_is_exact() {
+        let folder = tempfile::tempdir().unwrap();
+        for variant in Variant::ALL {
+            let path = folder.path().join("w.safetensors");
+            let weights = Weights::initial(variant, 9, 0.3);
+            save(&path, &weights, &provenance()).unwrap();
+            assert_eq!(load(&path).unwrap(), (weights, provenance()));
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
+    }
+
+    #[test]
+    fn refuses_what_does_not_fit() {
+        let weights = Weights::initial(Variant::SharedLevels, 9, 0.3);
+        let bytes = to_bytes(&weights, &provenance()).unwrap();
+        let name = Path::new("w.safetensors");
+        let replaced = |from: &str, to: &str| {
+            assert_eq!(from.len(), to.len());
+            let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+            let mut changed = bytes.clone();
+            changed[at..at + to.len()].copy_from_slice(to.as_bytes());
+            parse(name, &changed).unwrap_err()
+        };
+        assert!(
+            matches!(replaced("9 levels", "8 levels"), RpnnError::Unsupported { field, .. } if field == "stencil")
+        );
+        assert!(
+            matches!(replaced("rpnn-1", "rpnn-2"), RpnnError::Unsupported { field, .. } if field == "format")
+        );
+        assert!(matches!(replaced("refractive", "reflective"), RpnnError::Unsupported { .. }));
+        assert!(matches!(replaced("end3.bias", "end9.bias"), RpnnError::Io { .. }));
+        assert!(parse(name, &bytes[..bytes.len() / 2]).is_err());
+        assert!(parse(name, &[]).is_err());
+    }
+}

@@ -1,0 +1,32 @@
+//! The radiance-predicting neural network (RPNN) of Rittig et al. 2021, section 4.3: from a stencil of
+//! scattering and absorption coefficients around a surface voxel to the radiance seen there.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`variant`] | the four architectures, their layers and parameter counts |
+//! | [`weights`] | parameters as one flat vector, their initialisation |
+//! | [`file`] | weights as safetensors files that say what they were trained for |
+//! | [`transform`] | from raw stencils to the network's input |
+//! | [`network`] | forward and backward passes on packed matrix products |
+//! | [`adamw`] | the optimiser |
+//! | `reference` | the same network on candle (feature `candle`): the gradient oracle |
+//!
+//! One sample is one surface point in one channel: a stencil of 9 levels x 135 cells x 2 features
+//! (sigma_s, sigma_a; 1/mm), cells ordered `[z][y][x]` over 9 x 3 x 5.
+#![deny(unsafe_code)]
+
+pub mod adamw;
+pub mod error;
+pub mod file;
+mod kernel;
+pub mod network;
+#[cfg(feature = "candle")]
+pub mod reference;
+pub mod transform;
+pub mod variant;
+pub mod weights;
+
+pub use error::RpnnError;
+pub use network::Network;
+pub use variant::Variant;
+pub use weights::Weights;

@@ -1,0 +1,241 @@
+//! The four architectures of the paper's Table 2: with and without weights shared over levels (≡L) and
+//! over octants (≡O).
+
+use std::ops::Range;
+
+/// Levels of the stencil hierarchy.
+pub const LEVELS: usize = 9;
+/// Cells of a level along x, y and z.
+pub const CELLS_XYZ: [usize; 3] = [5, 3, 9];
+/// Cells of a level.
+pub const CELLS: usize = 135;
+/// Features of a cell: sigma_s and sigma_a.
+pub const FEATURES: usize = 2;
+/// Inputs of a level.
+pub const LEVEL_INPUTS: usize = CELLS * FEATURES;
+/// Inputs of the network.
+pub const INPUTS: usize = LEVELS * LEVEL_INPUTS;
+/// Mirrored octants of a level.
+pub const OCTANTS: usize = 8;
+/// Inputs of an octant: 3 x 2 x 5 cells with two features.
+pub const OCTANT_INPUTS: usize = 60;
+
+/// An architecture. Where weights are shared decides its size; see the crate's design table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+pub enum Variant {
+    /// Every level has layers of its own over the whole stencil.
+    #[serde(rename = "baseline")]
+    Baseline,
+    /// One block shared by all levels (isometric scaling, section 4.3).
+    #[serde(rename = "L")]
+    SharedLevels,
+    /// Layers shared by the eight octants of each level (rotational invariance, section 4.3).
+    #[serde(rename = "O")]
+    SharedOctants,
+    /// Both: the paper's proposal.
+    #[serde(rename = "L+O")]
+    SharedLevelsAndOctants,
+}
+
+/// One dense layer: where its parameters lie in the flat vector.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Name in weight files, such as `level3.b`.
+    pub name: String,
+    /// Values out.
+    pub outputs: usize,
+    /// Values in.
+    pub inputs: usize,
+    /// The matrix, `[outputs][inputs]`.
+    pub weight: Range<usize>,
+    /// The bias, `[outputs]`, empty for layers without one.
+    pub bias: Range<usize>,
+}
+
+/// The layers of one stencil level, as positions in [`Layout::layers`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Block {
+    /// Two dense layers on the input: octant layers with ≡O, the first level's layers of the baseline.
+    pub entry: Option<[usize; 2]>,
+    /// The bias-free product with the new level's values.
+    pub a: Option<usize>,
+    /// The products with the state of the finer levels and with the mixture; absent at the first level
+    /// of variants without ≡L.
+    pub bc: Option<[usize; 2]>,
+}
+
+/// Where every parameter of a variant lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// All layers in file order.
+    pub layers: Vec<Layer>,
+    /// The layers of each level; shared levels repeat the same positions.
+    pub blocks: [Block; LEVELS],
+    /// The three layers of the end.
+    pub end: [usize; 3],
+    /// Number of parameters.
+    pub parameters: usize,
+}
+
+impl Variant {
+    /// All four, in the paper's order.
+    pub const ALL: [Variant; 4] =
+        [Self::Baseline, Self::SharedLevels, Self::SharedOctants, Self::SharedLevelsAndOctants];
+
+    /// The name used in files, tables and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Baseline => "baseline",
+            Self::SharedLevels => "L",
+            Self::SharedOctants => "O",
+            Self::SharedLevelsAndOctants => "L+O",
+        }
+    }
+
+    /// The variant of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|v| v.name() == name)
+    }
+
+    /// Whether levels share their block (≡L).
+    pub fn shares_levels(self) -> bool {
+        matches!(self, Self::SharedLevels | Self::SharedLevelsAndOctants)
+    }
+
+    /// Whether octants share their layers (≡O).
+    pub fn shares_octants(self) -> bool {
+        matches!(self, Self::SharedOctants | Self::SharedLevelsAndOctants)
+    }
+
+    /// Width of the state passed from level to level: 270, or 8 x 60 with ≡O.
+    pub fn width(self) -> usize {
+        if self.shares_octants() { OCTANTS * OCTANT_INPUTS } else { LEVEL_INPUTS }
+    }
+
+    /// Number of trainable values (the paper's Table 2).
+    ///
+    /// ```
+    /// use pellucid_rpnn::Variant;
+    /// assert_eq!(Variant::ALL.map(Variant::parameters), [2_046_871, 365_851, 3_767_341, 706_861]);
+    /// ```
+    pub fn parameters(self) -> usize {
+        self.layout().parameters
+    }
+
+    /// Where every parameter lies.
+    pub fn layout(self) -> Layout {
+        let mut b = Builder { layers: Vec::new(), next: 0 };
+        let width = self.width();
+        let mut shared: Option<Block> = None;
+        let blocks = std::array::from_fn(|level| {
+            if let (true, Some(block)) = (self.shares_levels(), shared) {
+                return block;
+            }
+            let prefix =
+                if self.shares_levels() { "level".to_owned() } else { format!("level{}", level + 1) };
+            let first = level == 0 && !self.shares_levels();
+            let entry = if self.shares_octants() {
+                Some(
+                    ["octant1", "octant2"]
+                        .map(|n| b.dense(&format!("{prefix}.{n}"), OCTANT_INPUTS, OCTANT_INPUTS)),
+                )
+            } else if first {
+                Some(
+                    ["dense1", "dense2"]
+                        .map(|n| b.dense(&format!("{prefix}.{n}"), LEVEL_INPUTS, LEVEL_INPUTS)),
+                )
+            } else {
+                None
+            };
+            let has_a = if self.shares_octants() { self.shares_levels() } else { !first };
+            let a = has_a.then(|| b.product(&format!("{prefix}.a"), width, width));
+            let bc = (!first).then(|| ["b", "c"].map(|n| b.dense(&format!("{prefix}.{n}"), width, width)));
+            let block = Block { entry, a, bc };
+            shared = Some(block);
+            block
+        });
+        let end_width = if self.shares_octants() { OCTANT_INPUTS } else { LEVEL_INPUTS };
+        let end = [
+            b.dense("end1", end_width, end_width),
+            b.dense("end2", end_width, end_width),
+            b.dense("end3", 1, end_width),
+        ];
+        Layout { layers: b.layers, blocks, end, parameters: b.next }
+    }
+}
+
+struct Builder {
+    layers: Vec<Layer>,
+    next: usize,
+}
+
+impl Builder {
+    fn dense(&mut self, name: &str, outputs: usize, inputs: usize) -> usize {
+        let i = self.product(name, outputs, inputs);
+        self.layers[i].bias = self.take(outputs);
+        i
+    }
+
+    fn product(&mut self, name: &str, outputs: usize, inputs: usize) -> usize {
+        let weight = self.take(outputs * inputs);
+        let bias = self.next..self.next;
+        self.layers.push(Layer { name: name.to_owned(), outputs, inputs, weight, bias });
+        self.layers.len() - 1
+    }
+
+    fn take(&mut self, n: usize) -> Range<usize> {
+        let start = self.next;
+        self.next += n;
+        start..self.next
+    }
+}
+
+/// Positions within a level's 270 inputs of an octant's 60, ordered `[z 5][y 2][x 3][feature]` outward
+/// from the centre. Bit 0 of `octant` mirrors x, bit 1 y, bit 2 z, so mirroring a stencil along an axis
+/// exchanges octants whose indices differ in that bit.
+pub fn octant_gather(octant: usize) -> [u16; OCTANT_INPUTS] {
+    let [nx, ny, nz] = CELLS_XYZ;
+    let at = |axis: usize, n: usize, step: usize| {
+        if octant >> axis & 1 == 0 { n / 2 + step } else { n / 2 - step }
+    };
+    std::array::from_fn(|i| {
+        let (feature, cell) = (i % FEATURES, i / FEATURES);
+        let (x, y, z) = (at(0, nx, cell % 3), at(1, ny, cell / 3 % 2), at(2, nz, cell / 6));
+        (((z * ny + y) * nx + x) * FEATURES + feature) as u16
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_tile_the_flat_vector() {
+        for variant in Variant::ALL {
+            let layout = variant.layout();
+            let mut next = 0;
+            for layer in &layout.layers {
+                assert_eq!(layer.weight, next..next + layer.outputs * layer.inputs, "{}", layer.name);
+                assert_eq!(layer.bias.start, layer.weight.end);
+                assert!(layer.bias.is_empty() || layer.bias.len() == layer.outputs);
+                next = layer.bias.end;
+            }
+            assert_eq!(next, layout.parameters);
+            assert_eq!(Variant::from_name(variant.name()), Some(variant));
+        }
+    }
+
+    #[test]
+    fn octants_cover_the_stencil_and_share_the_middle() {
+        let mut seen = [0; LEVEL_INPUTS];
+        for octant in 0..OCTANTS {
+            for i in octant_gather(octant) {
+                seen[usize::from(i)] += 1;
+            }
+        }
+        assert!(seen.iter().all(|&n| n >= 1));
+        let centre = (4 * 3 + 1) * 5 + 2;
+        assert_eq!(seen[centre * 2], 8);
+        assert_eq!(seen[0], 1);
+    }
+}
