@@ -6,6 +6,7 @@
 //! | [`material`] | scattering and absorption coefficients of the print materials |
 //! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel |
 //! | [`surface`] | surface voxels, their outward normals and their positions in the list |
+//! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
 //! | [`control`] | progress and cancellation of long work |
 //!
 //! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
@@ -13,9 +14,12 @@
 #![forbid(unsafe_code)]
 
 pub mod control;
+mod envelope;
 pub mod error;
 pub mod grid;
 pub mod material;
+pub mod nearest;
+mod nearest_block;
 mod normals;
 mod occupancy;
 pub mod pitch;
@@ -26,5 +30,6 @@ pub use control::{Control, Progress};
 pub use error::VoxelError;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
+pub use nearest::NearestSurface;
 pub use pitch::{Frame, Pitch};
 pub use surface::{Surface, SurfaceOptions};

@@ -1,5 +1,6 @@
 //! Surface voxels with smooth outward normals.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 use rayon::prelude::*;
@@ -43,7 +44,7 @@ impl Default for SurfaceOptions {
 #[derive(Clone, Debug)]
 pub struct Surface {
     frame: Frame,
-    voxels: Vec<[u32; 3]>,
+    voxels: Arc<[[u32; 3]]>,
     normals: Vec<[f32; 3]>,
     index: SurfaceIndex,
 }
@@ -67,13 +68,9 @@ impl Surface {
         let dims = grid.tile_dims();
         let masks = (0..grid.tiles().len())
             .into_par_iter()
-            .filter_map(|i| {
-                if i % 4096 == 0 {
-                    if let Err(cancelled) = control.check() {
-                        return Some(Err(cancelled));
-                    }
-                }
-                surface_rows(grid, tile_coords(dims, i)).map(|rows| Ok((i as u32, rows)))
+            .filter_map(|i| match control.check() {
+                Ok(()) => surface_rows(grid, tile_coords(dims, i)).map(|rows| Ok((i as u32, rows))),
+                Err(cancelled) => Some(Err(cancelled)),
             })
             .collect::<Result<Vec<_>, _>>()?;
         let index = SurfaceIndex::new(dims, &masks)?;
@@ -106,7 +103,7 @@ impl Surface {
                 Ok(())
             },
         )?;
-        Ok(Self { frame: *grid.frame(), voxels, normals, index })
+        Ok(Self { frame: *grid.frame(), voxels: voxels.into(), normals, index })
     }
 
     /// A surface from voxels and normals that were stored or made elsewhere.
@@ -154,7 +151,7 @@ impl Surface {
         }
         let dims = size.map(|s| s.div_ceil(TILE as u32));
         let index = SurfaceIndex::new(dims, &rows_of(dims, &voxels))?;
-        Ok(Self { frame, voxels, normals, index })
+        Ok(Self { frame, voxels: voxels.into(), normals, index })
     }
 
     /// Where the grid lies.
@@ -200,6 +197,14 @@ impl Surface {
     /// Bytes held by voxels, normals and the index.
     pub fn memory_bytes(&self) -> usize {
         self.len() * (size_of::<[u32; 3]>() + size_of::<[f32; 3]>()) + self.index.memory_bytes()
+    }
+
+    pub(crate) fn index(&self) -> &SurfaceIndex {
+        &self.index
+    }
+
+    pub(crate) fn shared_voxels(&self) -> Arc<[[u32; 3]]> {
+        Arc::clone(&self.voxels)
     }
 }
 

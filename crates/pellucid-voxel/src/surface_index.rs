@@ -98,6 +98,21 @@ impl SurfaceIndex {
         })
     }
 
+    /// Whether a tile has surface voxels.
+    #[inline]
+    pub(crate) fn has_tile(&self, tile_index: usize) -> bool {
+        self.slots[tile_index] != NO_SLOT
+    }
+
+    /// The surface voxels of a tile's row `z * 16 + y`, one bit each.
+    #[inline]
+    pub(crate) fn row_mask(&self, tile_index: usize, row: usize) -> u16 {
+        match self.slots[tile_index] {
+            NO_SLOT => 0,
+            slot => (self.rows[slot as usize * ROWS + row] >> 32) as u16,
+        }
+    }
+
     /// List positions of the surface voxels in one layer of tiles.
     pub(crate) fn slab(&self, tz: usize) -> std::ops::Range<usize> {
         self.slabs[tz] as usize..self.slabs[tz + 1] as usize
