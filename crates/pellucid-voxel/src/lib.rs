@@ -7,6 +7,7 @@
 //! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel |
 //! | [`surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
+//! | [`sat`] | exact summed-area tables over material counts: [`CountSat`] |
 //! | [`control`] | progress and cancellation of long work |
 //!
 //! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
@@ -23,6 +24,7 @@ mod nearest_block;
 mod normals;
 mod occupancy;
 pub mod pitch;
+pub mod sat;
 pub mod surface;
 mod surface_index;
 
@@ -32,4 +34,5 @@ pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
 pub use nearest::NearestSurface;
 pub use pitch::{Frame, Pitch};
+pub use sat::{CountSat, SatMemory};
 pub use surface::{Surface, SurfaceOptions};

@@ -1,0 +1,1 @@
+//! The hierarchical descriptor of a surface point.
