@@ -3,13 +3,27 @@
 //!
 //! | module | owns |
 //! | --- | --- |
+//! | [`space`] | sRGB transfer, linear Rec.709, XYZ, Lab, LCh, Oklab |
+//! | [`delta_e`] | CIEDE2000 |
+//! | [`stats`] | mean, median, 95th percentile and maximum of differences |
+//! | [`spectrum`] | 31-band spectra to XYZ and RGB |
 //! | [`plane_parallel`] | deterministic radiance of half-spaces, slabs and layer stacks |
+//! | [`curve`] | half-space radiance as a fast function of albedo |
 //!
 //! Conventions: RGB is linear Rec.709 under D65 with media white at 1 unless a name says
 //! otherwise; lengths are millimetres and coefficients 1/mm.
 #![forbid(unsafe_code)]
 
+pub mod curve;
+pub mod delta_e;
 pub mod error;
 pub mod plane_parallel;
+pub mod space;
+pub mod spectrum;
+mod spectrum_data;
+pub mod stats;
 
+pub use delta_e::delta_e_2000;
 pub use error::ColorError;
+pub use space::{Lab, Lch, Oklab, Xyz};
+pub use stats::DeltaEStats;

@@ -122,7 +122,7 @@ fn absorbing_slab_is_beer_lambert_with_internal_reflections() {
         let solver = Solver::new(index).unwrap();
         let f = fresnel_internal(1.0, index);
         for depth in [1e-4, 0.1, 1.0, 8.0] {
-            let t = (-depth as f64).exp();
+            let t = f64::exp(-depth);
             let exact = (1.0 - f) * t / (1.0 - f * t);
             let ours = solver.slabs(0.0, 0.4, &[depth]).unwrap()[0];
             assert!((ours - exact).abs() < 1e-12, "n {index} depth {depth}: {ours} {exact}");
