@@ -60,7 +60,7 @@ const MAX_PROBES: f64 = 16.0;
 static SRGB_TO_LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|i| srgb_to_linear(i as f64 / 255.0) as f32));
 
-fn srgb_to_linear(s: f64) -> f64 {
+pub(crate) fn srgb_to_linear(s: f64) -> f64 {
     if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
 }
 

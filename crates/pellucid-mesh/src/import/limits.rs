@@ -1,0 +1,46 @@
+//! How large a model the importer accepts.
+
+/// Bounds on what a model may ask for, checked before anything is read or allocated.
+///
+/// Peak memory of an import stays below about twice the file's size plus 64 bytes a vertex,
+/// 28 bytes a triangle, `texture_bytes`, and 8 bytes a pixel of the largest texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImportLimits {
+    /// Bytes of the model file, and of all files and data URIs it refers to together. 1 GiB.
+    pub file_bytes: u64,
+    /// Objects and arrays in the JSON. 1,048,576.
+    pub json_containers: u64,
+    /// Members and elements in the JSON. 16,777,216.
+    pub json_values: u64,
+    /// Nodes from a root to its deepest descendant. 1024.
+    pub node_depth: u32,
+    /// Vertices in the model, each instance of a mesh counted. 33,554,432.
+    pub vertices: u64,
+    /// Triangles in the model, each instance of a mesh counted. 33,554,432.
+    pub triangles: u64,
+    /// Vertices times active morph targets, plus vertices times joint influences. 2^30.
+    pub deformations: u64,
+    /// Longer side of a texture in pixels. 16,384.
+    pub texture_edge: u32,
+    /// Pixels of one texture. 134,217,728 (16,384 x 8,192).
+    pub texture_pixels: u64,
+    /// Bytes of all decoded textures with their mip chains. 2 GiB.
+    pub texture_bytes: u64,
+}
+
+impl Default for ImportLimits {
+    fn default() -> Self {
+        Self {
+            file_bytes: 1 << 30,
+            json_containers: 1 << 20,
+            json_values: 1 << 24,
+            node_depth: 1024,
+            vertices: 1 << 25,
+            triangles: 1 << 25,
+            deformations: 1 << 30,
+            texture_edge: 1 << 14,
+            texture_pixels: 1 << 27,
+            texture_bytes: 2 << 30,
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! glTF 2.0 import.
+//!
+//! `.glb`, and `.gltf` with data URIs or files beside it. Read: node transforms, all meshes of the
+//! default scene, triangle lists, strips and fans, every index and attribute type, sparse
+//! accessors, `KHR_mesh_quantization`, base-colour factor, texture and `COLOR_0`,
+//! `KHR_texture_transform`, samplers, the diffuse colour of
+//! `KHR_materials_pbrSpecularGlossiness`, `KHR_node_visibility`, skins at rest and morph targets
+//! at their default weights.
+//!
+//! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
+//! (prints are opaque). Without a default scene the only scene is taken, or else all root nodes.
+//! A material's other extensions (gloss, coat, glow) are ignored.
+//!
+//! Refused with the object and a remedy: Draco and meshopt compression, other required
+//! extensions, textures other than PNG and JPEG, a texture without coordinates, URIs that leave
+//! the model's folder, anything past [`ImportLimits`], and every reference or value out of range.
+
+mod accessor;
+mod buffers;
+mod container;
+mod extensions;
+mod limits;
+mod materials;
+mod nodes;
+mod picture;
+mod primitive;
+mod schema;
+mod skin;
+mod source;
+mod uri;
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
+
+pub use limits::ImportLimits;
+
+use crate::{MeshError, Model};
+use buffers::Buffers;
+use materials::Materials;
+use primitive::{Assembly, Placement};
+use source::{Source, label};
+
+/// Imports a model file; files it refers to must lie in its folder.
+///
+/// # Errors
+/// [`MeshError::Io`] if a file cannot be read, [`MeshError::Invalid`] if the model breaks glTF's
+/// rules, [`MeshError::Unsupported`] if it needs something this importer does not handle or
+/// passes a limit.
+pub fn import_path(path: impl AsRef<Path>, limits: &ImportLimits) -> Result<Model, MeshError> {
+    let path = path.as_ref();
+    let name = path.display().to_string();
+    let folder = path.parent();
+    let bytes = uri::read_bounded(&Source::new(&name, folder, limits), "file", path, limits.file_bytes)?;
+    import_slice(&name, &bytes, folder, limits)
+}
+
+/// Imports a model from memory; `name` is what errors call it, `base_dir` the folder that holds
+/// the files it refers to (none: only data URIs and the GLB's own data are allowed).
+///
+/// # Errors
+/// As [`import_path`].
+pub fn import_slice(
+    name: &str,
+    bytes: &[u8],
+    base_dir: Option<&Path>,
+    limits: &ImportLimits,
+) -> Result<Model, MeshError> {
+    let source = Source::new(name, base_dir, limits);
+    let container = container::open(&source, bytes)?;
+    let root = container::parse(&source, container.json)?;
+    extensions::check_required(&source, &root)?;
+    if !root.animations.is_empty() {
+        source.note("animations", "they are ignored; the model is imported at rest");
+    }
+    let buffers = Buffers::new(&source, &root, container.binary);
+    let model = assemble(&buffers)?;
+    drop(buffers);
+    Ok(model.with_notes(source.into_notes()))
+}
+
+fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
+    let (source, root) = (buffers.source(), buffers.root());
+    let nodes = nodes::resolve(source, root)?;
+    let mut materials = Materials::new(buffers);
+    let mut assembly = Assembly::default();
+    let mut skins = BTreeMap::new();
+    for &index in &nodes.in_scene {
+        let node = &root.nodes[index];
+        let Some(mesh_index) = node.mesh else { continue };
+        let Some(mesh) = root.meshes.get(mesh_index) else {
+            return Err(source.invalid(
+                label("node", index, node.name.as_deref()),
+                format!("mesh {mesh_index} does not exist, there are {}", root.meshes.len()),
+                "the file is not valid glTF 2.0; export it again",
+            ));
+        };
+        let joints = match node.skin {
+            Some(skin) => {
+                let matrices = match skins.entry(skin) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(new) => new.insert(skin::joint_matrices(buffers, &nodes, skin)?),
+                };
+                Some(matrices.as_slice())
+            }
+            None => None,
+        };
+        let placement = Placement {
+            world: nodes.world[index],
+            weights: node.weights.as_deref().unwrap_or(&mesh.weights),
+            joints,
+        };
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            let object = format!("{}, primitive {k}", label("mesh", mesh_index, mesh.name.as_deref()));
+            let material = || materials.resolve(&object, primitive.material);
+            assembly.add(buffers, &object, primitive, &placement, material)?;
+        }
+    }
+    if assembly.triangles.is_empty() {
+        return Err(source.invalid(
+            "model",
+            "its scene has no triangles (points, lines and empty meshes do not count)",
+            "export a mesh with faces",
+        ));
+    }
+    Model::new(source.file, assembly.vertices, assembly.triangles, materials.base_colors, materials.textures)
+}

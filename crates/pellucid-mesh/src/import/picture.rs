@@ -1,0 +1,102 @@
+//! PNG and JPEG decoding within the limits: header first, pixels after.
+
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+
+use super::buffers::Buffers;
+use super::source::{label, quoted};
+use crate::MeshError;
+use crate::texture::Image;
+
+const PLAIN: &str = "export the model with its textures as PNG or JPEG";
+
+/// Decodes image `index`, charging its size to `budget` (bytes left for all textures).
+pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Result<Image, MeshError> {
+    let (source, root) = (buffers.source(), buffers.root());
+    let Some(image) = root.images.get(index) else {
+        return Err(source.invalid(
+            label("image", index, None),
+            format!("it does not exist, there are {}", root.images.len()),
+            "the file is not valid glTF 2.0; export it again",
+        ));
+    };
+    let object = label("image", index, image.name.as_deref());
+    let loaded;
+    let bytes = match (&image.uri, image.buffer_view) {
+        (Some(uri), _) => {
+            loaded = buffers.load_uri(&object, uri)?;
+            &loaded[..]
+        }
+        (None, Some(view)) => buffers.view(&object, view)?.1,
+        (None, None) => {
+            return Err(source.invalid(object, "it has neither a URI nor a buffer view", PLAIN));
+        }
+    };
+    let format = match image::guess_format(bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        other => {
+            let reason = match other_format(bytes).or(other.ok().map(|f| f.extensions_str()[0])) {
+                Some(name) => format!("the image is of the format {}", quoted(name)),
+                None => "the image is neither PNG nor JPEG".to_string(),
+            };
+            return Err(source.unsupported(object, reason, PLAIN));
+        }
+    };
+    let undecodable = |e: image::ImageError| {
+        source.invalid(&object, format!("the image cannot be decoded: {e}"), "save it again as PNG or JPEG")
+    };
+    let mut decoder =
+        ImageReader::with_format(Cursor::new(bytes), format).into_decoder().map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    let limits = source.limits;
+    let too_large = |reason: String, field: &str| {
+        let remedy = format!("scale the texture down or raise ImportLimits::{field}");
+        Err(source.unsupported(&object, reason, remedy))
+    };
+    if width.max(height) > limits.texture_edge {
+        let reason = format!("{width} x {height} pixels, the limit is {} a side", limits.texture_edge);
+        return too_large(reason, "texture_edge");
+    }
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > limits.texture_pixels {
+        let reason = format!("{width} x {height} pixels, the limit is {}", limits.texture_pixels);
+        return too_large(reason, "texture_pixels");
+    }
+    let deep = decoder.color_type().bytes_per_pixel() > 4
+        || matches!(decoder.color_type(), image::ColorType::L16 | image::ColorType::La16);
+    let cost = Image::bytes(width, height, deep);
+    if cost > *budget {
+        let reason = format!("it takes {cost} bytes decoded; {budget} of {} are left", limits.texture_bytes);
+        return too_large(reason, "texture_bytes");
+    }
+    *budget -= cost;
+    let mut bounds = image::Limits::default();
+    bounds.max_image_width = Some(limits.texture_edge);
+    bounds.max_image_height = Some(limits.texture_edge);
+    // 8 bytes for a 16-bit RGBA pixel, as much again and 64 MiB for the decoder's own buffers.
+    bounds.max_alloc = Some(pixels * 16 + (64 << 20));
+    decoder.set_limits(bounds).map_err(undecodable)?;
+    let picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    if deep {
+        let texels = picture.into_rgb16().pixels().map(|p| p.0.map(linear16)).collect();
+        Image::from_linear16(width, height, texels)
+    } else {
+        let texels = picture.into_rgb8().into_raw();
+        let (rgb, _) = texels.as_chunks::<3>();
+        Image::from_srgb8(width, height, rgb.to_vec())
+    }
+}
+
+/// Linear value of a 16-bit sRGB-encoded one.
+fn linear16(encoded: u16) -> u16 {
+    (crate::texture::srgb_to_linear(f64::from(encoded) / 65535.0) * 65535.0).round() as u16
+}
+
+/// Formats that glTF extensions bring and the image crate does not tell apart.
+fn other_format(bytes: &[u8]) -> Option<&'static str> {
+    if bytes.starts_with(b"\xABKTX 20\xBB\r\n\x1A\n") {
+        return Some("ktx2 (Basis Universal)");
+    }
+    (bytes.get(4..12) == Some(b"ftypavif")).then_some("avif")
+}
