@@ -1,0 +1,160 @@
+//! Solids of the data set as signed distances.
+
+use serde::{Deserialize, Serialize};
+
+/// A solid about the origin; lengths in mm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shape {
+    /// An axis-parallel box of the given edges, turned by `turn` (a rotation matrix, rows are the box's
+    /// axes). Cubes, rotated cubes, cuboids and slabs.
+    Box {
+        /// Edges along the box's own axes.
+        edges: [f64; 3],
+        /// Rows: the box's axes in print space.
+        turn: [[f64; 3]; 3],
+    },
+    /// A ball.
+    Sphere {
+        /// Diameter.
+        diameter: f64,
+    },
+    /// A ring whose axis is `axis`.
+    Torus {
+        /// Unit axis.
+        axis: [f64; 3],
+        /// Radius of the ring's centre line.
+        ring: f64,
+        /// Radius of the ring's cross-section.
+        tube: f64,
+    },
+    /// A hollow ball.
+    Shell {
+        /// Outer diameter.
+        diameter: f64,
+        /// Wall thickness.
+        wall: f64,
+    },
+    /// A ball with a ball-shaped hollow cut into its side.
+    Bowl {
+        /// Outer diameter.
+        diameter: f64,
+        /// Diameter of the ball cut away.
+        cut: f64,
+        /// Unit direction of the cut.
+        axis: [f64; 3],
+    },
+    /// A pipe along `axis`; a wall of at least the radius makes it a rod.
+    Pipe {
+        /// Unit axis.
+        axis: [f64; 3],
+        /// Outer diameter.
+        diameter: f64,
+        /// Wall thickness.
+        wall: f64,
+        /// Length.
+        length: f64,
+    },
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Distance to a box in two dimensions or more, from the coordinates' excess over the half-edges.
+fn box_distance(excess: &[f64]) -> f64 {
+    let outside: f64 = excess.iter().map(|d| d.max(0.0).powi(2)).sum::<f64>().sqrt();
+    let inside = excess.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    outside + inside.min(0.0)
+}
+
+impl Shape {
+    /// Signed distance in mm to the surface, negative inside; exact but near a bowl's rim, where it is a
+    /// lower bound outside and an upper bound of the depth inside.
+    pub fn distance(&self, p: [f64; 3]) -> f64 {
+        match self {
+            Self::Box { edges, turn } => {
+                let excess: [f64; 3] = std::array::from_fn(|a| dot(turn[a], p).abs() - 0.5 * edges[a]);
+                box_distance(&excess)
+            }
+            Self::Sphere { diameter } => dot(p, p).sqrt() - 0.5 * diameter,
+            Self::Torus { axis, ring, tube } => {
+                let along = dot(*axis, p);
+                let radial = (dot(p, p) - along * along).max(0.0).sqrt() - ring;
+                radial.hypot(along) - tube
+            }
+            Self::Shell { diameter, wall } => {
+                let r = dot(p, p).sqrt();
+                (r - 0.5 * diameter).max(0.5 * diameter - wall - r)
+            }
+            Self::Bowl { diameter, cut, axis } => {
+                let c = axis.map(|v| v * 0.5 * diameter);
+                let q = [p[0] - c[0], p[1] - c[1], p[2] - c[2]];
+                (dot(p, p).sqrt() - 0.5 * diameter).max(0.5 * cut - dot(q, q).sqrt())
+            }
+            Self::Pipe { axis, diameter, wall, length } => {
+                let along = dot(*axis, p);
+                let radial = (dot(p, p) - along * along).max(0.0).sqrt();
+                let ends = along.abs() - 0.5 * length;
+                let outer = box_distance(&[radial - 0.5 * diameter, ends]);
+                outer.max(0.5 * diameter - wall - radial)
+            }
+        }
+    }
+
+    /// Half the edges of an axis-parallel box about the origin that holds the solid, in mm.
+    pub fn reach(&self) -> [f64; 3] {
+        match self {
+            Self::Box { edges, turn } => {
+                std::array::from_fn(|a| (0..3).map(|b| 0.5 * edges[b] * turn[b][a].abs()).sum())
+            }
+            Self::Sphere { diameter } | Self::Shell { diameter, .. } | Self::Bowl { diameter, .. } => {
+                [0.5 * diameter; 3]
+            }
+            Self::Torus { axis, ring, tube } => {
+                std::array::from_fn(|a| ring * (1.0 - axis[a] * axis[a]).max(0.0).sqrt() + tube)
+            }
+            Self::Pipe { axis, diameter, length, .. } => std::array::from_fn(|a| {
+                0.5 * length * axis[a].abs() + 0.5 * diameter * (1.0 - axis[a] * axis[a]).max(0.0).sqrt()
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::{hash, unit};
+
+    #[test]
+    fn distances_are_one_lipschitz_and_solids_fit_their_reach() {
+        let a = 0.6f64;
+        let turn = [[a, 0.8, 0.0], [-0.8, a, 0.0], [0.0, 0.0, 1.0]];
+        let axis = [0.48, 0.6, 0.64];
+        let shapes = [
+            Shape::Box { edges: [4.0, 1.0, 7.0], turn },
+            Shape::Sphere { diameter: 5.0 },
+            Shape::Torus { axis, ring: 3.0, tube: 0.7 },
+            Shape::Shell { diameter: 6.0, wall: 0.5 },
+            Shape::Bowl { diameter: 6.0, cut: 4.0, axis },
+            Shape::Pipe { axis, diameter: 3.0, wall: 0.4, length: 5.0 },
+        ];
+        for shape in shapes {
+            let reach = shape.reach();
+            let mut solid = 0;
+            for i in 0..20_000 {
+                let at = |n| unit(hash(9, i, n, 0)) - 0.5;
+                let p = [at(0), at(1), at(2)].map(|v| v * 12.0);
+                let q: [f64; 3] = std::array::from_fn(|a| p[a] + at(3 + a as i64) * 0.2);
+                let step = (0..3).map(|a| (p[a] - q[a]).powi(2)).sum::<f64>().sqrt();
+                let (d, e) = (shape.distance(p), shape.distance(q));
+                assert!((d - e).abs() <= step + 1e-9, "{shape:?}");
+                if d < 0.0 {
+                    solid += 1;
+                    assert!((0..3).all(|a| p[a].abs() <= reach[a] + 1e-9), "{shape:?} {p:?}");
+                }
+            }
+            assert!(solid > 10, "{shape:?}");
+        }
+    }
+}
