@@ -131,11 +131,6 @@ impl CountTables {
             records: filled(tiles, TileRecord::EMPTY)?,
             tables: vec![Some(TileTables::zero())],
             free: Vec::new(),
-            edges: [
-                filled(tiles * TILE, [0; LANES])?,
-                filled(tiles * TILE, [0; LANES])?,
-                filled(tiles * TILE, [0; LANES])?,
-            ],
         };
         let built: Vec<GroupTile> = grid
             .tiles()
@@ -156,7 +151,7 @@ impl CountTables {
             this.sweep(axis, None, Sweep::Accumulate);
         }
         control.check()?;
-        this.build_edges();
+        this.build_edges()?;
         Ok(this)
     }
 
@@ -281,14 +276,15 @@ impl CountTables {
         t[v] * self.dims[u] + t[u]
     }
 
-    /// Sums tile profiles into the edge lines: along each line, then across the lines.
-    fn build_edges(&mut self) {
-        let mut edges = std::mem::take(&mut self.edges);
-        for (axis, edge) in edges.iter_mut().enumerate() {
+    /// Sums tile profiles into the counts along tile edges.
+    fn build_edges(&mut self) -> Result<(), VoxelError> {
+        for axis in 0..3 {
             let (u, v) = across(axis);
             let (line, lines) = (self.dims[axis] * TILE, self.dims[u]);
+            // P at corners with two coordinates on tile corners, the line's coordinate fastest.
+            let mut sums = filled(self.records.len() * TILE, [0; LANES])?;
             let this = &*self;
-            edge.par_chunks_exact_mut(line * lines).enumerate().for_each(|(tv, plane)| {
+            sums.par_chunks_exact_mut(line * lines).enumerate().for_each(|(tv, plane)| {
                 let mut before = vec![[0; LANES]; line];
                 for (tu, out) in plane.chunks_exact_mut(line).enumerate() {
                     out.copy_from_slice(&before);
@@ -311,9 +307,27 @@ impl CountTables {
                     }
                 }
             });
-            sum_planes(edge, line * lines);
+            sum_planes(&mut sums, line * lines);
+            self.add_edges(axis, &sums);
         }
-        self.edges = edges;
+        Ok(())
+    }
+
+    /// Adds to the records' edges of an axis the sums at corners with two coordinates on tile
+    /// corners, ordered by the axes across, then the line's coordinate.
+    pub(super) fn add_edges(&mut self, axis: usize, sums: &[Lanes]) {
+        let (u, v) = across(axis);
+        let dims = self.dims;
+        self.records.par_iter_mut().enumerate().with_min_len(256).for_each(|(at, record)| {
+            let t = [at % dims[0], at / dims[0] % dims[1], at / dims[0] / dims[1]];
+            let start = ((t[v] * dims[u] + t[u]) * dims[axis] + t[axis]) * TILE;
+            // Along y and z only what moving the corner adds: the corner itself is counted along x.
+            let own = if axis == 0 { [0; LANES] } else { sums[start].map(u32::wrapping_neg) };
+            for (edge, sum) in record.edges[axis].iter_mut().zip(&sums[start..start + TILE]) {
+                add(edge, sum);
+                add(edge, &own);
+            }
+        });
     }
 }
 
@@ -374,7 +388,7 @@ impl Sweep {
 }
 
 /// A vector whose size comes from a frame: refused, not aborted on, when memory lacks.
-fn filled<T: Clone>(len: usize, value: T) -> Result<Vec<T>, VoxelError> {
+pub(super) fn filled<T: Clone>(len: usize, value: T) -> Result<Vec<T>, VoxelError> {
     let mut out = Vec::new();
     out.try_reserve_exact(len).map_err(|_| {
         VoxelError::unsupported(

@@ -46,10 +46,8 @@ pub struct CountSat {
 pub struct SatMemory {
     /// Tables of mixed tiles.
     pub tiles: usize,
-    /// One record a tile.
+    /// One record a tile, with the counts along its edges.
     pub records: usize,
-    /// Counts along tile edges: a fixed amount a tile.
-    pub edges: usize,
     /// Mixed tiles, counted once a group in which they are mixed.
     pub mixed_tiles: usize,
 }
@@ -57,7 +55,7 @@ pub struct SatMemory {
 impl SatMemory {
     /// All bytes.
     pub fn total(&self) -> usize {
-        self.tiles + self.records + self.edges
+        self.tiles + self.records
     }
 }
 
@@ -203,12 +201,11 @@ impl CountSat {
 
     /// Bytes held.
     pub fn memory(&self) -> SatMemory {
-        let mut out = SatMemory { tiles: 0, records: 0, edges: 0, mixed_tiles: 0 };
+        let mut out = SatMemory { tiles: 0, records: 0, mixed_tiles: 0 };
         for group in &self.groups {
-            let [tiles, records, edges] = group.memory();
+            let [tiles, records] = group.memory();
             out.tiles += tiles;
             out.records += records;
-            out.edges += edges;
             out.mixed_tiles += group.records().iter().filter(|r| r.table != 0).count();
         }
         out

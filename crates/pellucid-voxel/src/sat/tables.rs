@@ -5,7 +5,7 @@
 //!
 //! | part of the box | held in |
 //! | --- | --- |
-//! | along the three tile edges: `P(X+x, Y, Z) + P(X, Y+y, Z) + P(X, Y, Z+z) - 2 P(X, Y, Z)` | [`CountTables::edge`], u32 |
+//! | behind the tile and the slabs that follow it: `P(X+x, Y, Z)`, `P(X, Y+y, Z) - P(X, Y, Z)` and `P(X, Y, Z+z) - P(X, Y, Z)` | [`TileRecord::edges`], u32 |
 //! | three bars, such as `[X, X+x) x [Y, Y+y) x [0, Z)` | [`TileTables::bars`] of the last mixed tile behind, u32, plus a product for the constant tiles since |
 //! | the rest inside the tile | [`TileTables::local`], 12 bits a material, five to a word |
 //!
@@ -50,8 +50,9 @@ impl TileTables {
     }
 }
 
-/// What a group knows of one tile.
+/// What a group knows of one tile; 1,056 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct TileRecord {
     /// Position of the tile's own tables; 0, the zero tables, when the tile is constant.
     pub table: u32,
@@ -61,11 +62,19 @@ pub struct TileRecord {
     pub depth: [Lanes; 3],
     /// 1 in the lane of a constant tile's material.
     pub fill: Lanes,
+    /// Per axis, at local offset 0..=15: the counts up to the tile's corner moved along x, and by
+    /// how much moving it along y or z adds to them.
+    pub edges: [[Lanes; TILE]; 3],
 }
 
 impl TileRecord {
-    pub(super) const EMPTY: Self =
-        Self { table: 0, behind: [0; 3], depth: [[0; LANES]; 3], fill: [0; LANES] };
+    pub(super) const EMPTY: Self = Self {
+        table: 0,
+        behind: [0; 3],
+        depth: [[0; LANES]; 3],
+        fill: [0; LANES],
+        edges: [[[0; LANES]; TILE]; 3],
+    };
 }
 
 /// The summed-area tables of one group of up to five materials.
@@ -75,7 +84,6 @@ pub struct CountTables {
     pub(super) records: Vec<TileRecord>,
     pub(super) tables: Vec<Option<Box<TileTables>>>,
     pub(super) free: Vec<u32>,
-    pub(super) edges: [Vec<Lanes>; 3],
 }
 
 impl CountTables {
@@ -98,24 +106,6 @@ impl CountTables {
         self.tables[position as usize].as_deref().expect("records name live tables")
     }
 
-    /// Counts `P` at corners with two coordinates on tile corners, for `axis` x, y, z = 0, 1, 2.
-    ///
-    /// Ordered `[tz][ty][x]`, `[tz][tx][y]` and `[ty][tx][z]`, the voxel coordinate fastest.
-    pub fn edge(&self, axis: usize) -> &[Lanes] {
-        &self.edges[axis]
-    }
-
-    /// Where the edge lines of a tile start: one position an axis, at the tile's own corner.
-    #[inline]
-    pub fn edge_starts(&self, t: [usize; 3]) -> [usize; 3] {
-        let d = self.dims;
-        [
-            ((t[2] * d[1] + t[1]) * d[0] + t[0]) * TILE,
-            ((t[2] * d[0] + t[0]) * d[1] + t[1]) * TILE,
-            ((t[1] * d[0] + t[0]) * d[2] + t[2]) * TILE,
-        ]
-    }
-
     /// Voxels of tile `t` that lie within the grid along `axis`, 0..=16.
     #[inline]
     pub fn extent(&self, axis: usize, t: usize) -> u32 {
@@ -135,18 +125,15 @@ impl CountTables {
         let d = self.dims;
         assert!((0..3).all(|a| t[a] < d[a]), "corner {corner:?} lies outside the table");
         let record = &self.records[(t[2] * d[1] + t[1]) * d[0] + t[0]];
-        let start = self.edge_starts(t);
         let e: [usize; 3] = std::array::from_fn(|a| l[a].min(self.extent(a, t[a]) as usize));
         let mut out: Lanes = [0; LANES];
         let volume = (e[0] * e[1] * e[2]) as u32;
         for m in 0..LANES {
-            let own = self.edges[0][start[0]][m];
             out[m] = record.fill[m]
                 .wrapping_mul(volume)
-                .wrapping_sub(own.wrapping_mul(2))
-                .wrapping_add(self.edges[0][start[0] + l[0]][m])
-                .wrapping_add(self.edges[1][start[1] + l[1]][m])
-                .wrapping_add(self.edges[2][start[2] + l[2]][m]);
+                .wrapping_add(record.edges[0][l[0]][m])
+                .wrapping_add(record.edges[1][l[1]][m])
+                .wrapping_add(record.edges[2][l[2]][m]);
         }
         for axis in 0..3 {
             let (u, v) = across(axis);
@@ -168,13 +155,12 @@ impl CountTables {
         out
     }
 
-    /// Bytes of `[tile tables, tile records, edge lines]`.
-    pub(super) fn memory(&self) -> [usize; 3] {
+    /// Bytes of `[tile tables, tile records]`.
+    pub(super) fn memory(&self) -> [usize; 2] {
         let live = self.tables.iter().flatten().count();
         [
             live * size_of::<TileTables>() + self.tables.len() * size_of::<usize>(),
             self.records.len() * size_of::<TileRecord>(),
-            self.edges.iter().map(|e| e.len() * size_of::<Lanes>()).sum(),
         ]
     }
 }

@@ -93,7 +93,7 @@ impl CountTables {
         }
     }
 
-    /// Adds the growth of changed tiles to every edge line behind which they lie.
+    /// Adds the growth of changed tiles to the counts along every edge that they lie behind.
     fn grow_edges(&mut self, axis: usize, growth: &[Growth]) {
         let (u, v) = across(axis);
         let (line, lines) = (self.dims[axis] * TILE, self.dims[u]);
@@ -101,22 +101,14 @@ impl CountTables {
         for g in growth {
             by_plane[g.tile[v]].push(g);
         }
+        let mut sums = vec![[0; LANES]; self.records.len() * TILE];
         // Growth of the planes of tiles before the one in hand, summed along and across lines.
         let mut total = vec![[0; LANES]; line * lines];
-        let mut any = false;
-        for (plane, grown) in self.edges[axis].chunks_exact_mut(line * lines).zip(by_plane) {
-            if any {
-                plane
-                    .par_iter_mut()
-                    .zip(&total)
-                    .with_min_len(1 << 12)
-                    .for_each(|(value, growth)| add(value, growth));
-            }
+        for (plane, grown) in sums.chunks_exact_mut(line * lines).zip(by_plane) {
+            plane.copy_from_slice(&total);
             if grown.is_empty() {
                 continue;
             }
-            any = true;
-            // Tile columns grow at line `tile[u]`; lines after it see the sum.
             let mut columns = vec![[0; LANES]; line * lines];
             for g in grown {
                 let column = &mut columns[g.tile[u] * line..(g.tile[u] + 1) * line];
@@ -125,6 +117,7 @@ impl CountTables {
                     add(value, &g.profile[axis][(i - 1).min(TILE - 1)]);
                 }
             }
+            // A line counts the tile columns before it.
             let mut before = vec![[0; LANES]; line];
             for (column, total) in columns.chunks_exact(line).zip(total.chunks_exact_mut(line)) {
                 for ((before, total), value) in before.iter_mut().zip(total).zip(column) {
@@ -133,5 +126,6 @@ impl CountTables {
                 }
             }
         }
+        self.add_edges(axis, &sums);
     }
 }
