@@ -1,1 +1,32 @@
 //! The hierarchical descriptor of a surface point.
+//!
+//! The network that predicts a point's radiance sees the volume only through this descriptor
+//! (Rittig, Sumin et al. 2021, section 4.2): box means of scattering and absorption over cells
+//! that double in size from level to level. Here every box is centred on the centre of the
+//! point's voxel and summed exactly, so the descriptor of a mirrored volume is the mirror image
+//! of the descriptor, bit for bit.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`spec`] | cells, levels and scale: [`StencilSpec`] |
+//! | [`coefficients`] | from material counts to features of channels: [`Coefficients`] |
+//! | [`extract`] | batches of points: [`Stencils`] |
+//! | [`octants`] | mirror images and octant views |
+//!
+//! Layout: `[point][channel][level][cell z][cell y][cell x][feature]`, features sigma_s, sigma_a
+//! in 1/mm and optionally occupancy.
+#![deny(unsafe_code)]
+
+mod axis;
+pub mod coefficients;
+pub mod error;
+pub mod extract;
+mod kernel;
+pub mod octants;
+pub mod spec;
+
+pub use coefficients::{Coefficients, Features};
+pub use error::StencilError;
+pub use extract::Stencils;
+pub use octants::OCTANTS;
+pub use spec::{LevelScale, StencilSpec};

@@ -1,0 +1,153 @@
+//! From material counts to features.
+
+use pellucid_voxel::MaterialTable;
+
+use crate::{StencilError, StencilSpec};
+
+/// What is held for each cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Features {
+    /// Mean scattering and absorption coefficient: 2 values.
+    ScatterAbsorb,
+    /// The same and the part of the cell that is solid, within 0..=1: 3 values.
+    WithOccupancy,
+}
+
+impl Features {
+    /// Values a cell and channel.
+    pub fn len(self) -> usize {
+        match self {
+            Features::ScatterAbsorb => 2,
+            Features::WithOccupancy => 3,
+        }
+    }
+
+    /// Always false.
+    pub fn is_empty(self) -> bool {
+        false
+    }
+}
+
+/// The coefficients that counts are multiplied by, of chosen channels of a material table.
+#[derive(Clone, Debug)]
+pub struct Coefficients {
+    features: Features,
+    materials: usize,
+    channels: usize,
+    /// Ordered `[material][value]`, the values of a channel in a row.
+    rows: Vec<f64>,
+    /// Values of a cell over the distinct channels.
+    width: usize,
+    /// For each channel asked for, which distinct one it repeats.
+    distinct: Vec<usize>,
+}
+
+impl Coefficients {
+    /// Takes the coefficients of `channels`, in that order. Channels of equal coefficients are
+    /// computed once and copied.
+    ///
+    /// # Errors
+    /// [`StencilError::Invalid`] when no channel is asked for or one is past the table.
+    pub fn new(table: &MaterialTable, channels: &[usize], features: Features) -> Result<Self, StencilError> {
+        if channels.is_empty() {
+            return Err(StencilError::invalid("channels", "needs at least one"));
+        }
+        if let Some(bad) = channels.iter().find(|&&c| c >= table.channels()) {
+            return Err(StencilError::invalid(
+                "channels",
+                format!("{bad} of a material table with {}", table.channels()),
+            ));
+        }
+        let same = |a: usize, b: usize| {
+            let bits = |v: &[f32]| (v[a].to_bits(), v[b].to_bits());
+            table.materials().iter().all(|m| [bits(&m.sigma_s), bits(&m.sigma_a)].iter().all(|(a, b)| a == b))
+        };
+        let mut kept: Vec<usize> = Vec::new();
+        let mut distinct = Vec::with_capacity(channels.len());
+        for &channel in channels {
+            let at = kept.iter().position(|&k| same(k, channel)).unwrap_or_else(|| {
+                kept.push(channel);
+                kept.len() - 1
+            });
+            distinct.push(at);
+        }
+        let width = kept.len() * features.len();
+        let mut rows = Vec::with_capacity(table.len() * width);
+        for m in table.materials() {
+            for &channel in &kept {
+                rows.extend([f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel])]);
+                if features == Features::WithOccupancy {
+                    rows.push(1.0);
+                }
+            }
+        }
+        Ok(Self { features, materials: table.len(), channels: channels.len(), rows, width, distinct })
+    }
+
+    /// All channels of a table in order.
+    ///
+    /// # Errors
+    /// None for a valid table; the signature follows [`Coefficients::new`].
+    pub fn all(table: &MaterialTable, features: Features) -> Result<Self, StencilError> {
+        Self::new(table, &(0..table.channels()).collect::<Vec<_>>(), features)
+    }
+
+    /// What is held for each cell.
+    pub fn features(&self) -> Features {
+        self.features
+    }
+
+    /// Channels asked for.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Materials counted.
+    pub fn materials(&self) -> usize {
+        self.materials
+    }
+
+    /// Values of one point's descriptor over all channels.
+    pub fn values_per_point(&self, spec: &StencilSpec) -> usize {
+        self.channels * spec.cells_in_all() * self.features.len()
+    }
+
+    /// Converts the counts of one point, ordered `[level][cell][material]`, to its descriptor,
+    /// ordered `[channel][level][cell][feature]`.
+    ///
+    /// Each value is the f64 sum over materials in label order, times a power of two, rounded to
+    /// f32 once: equal counts give equal bits.
+    ///
+    /// # Panics
+    /// When a slice has another length than the spec asks for.
+    pub fn convert(&self, spec: &StencilSpec, counts: &[u32], out: &mut [f32]) {
+        let level_counts = spec.cells_per_level() * self.materials;
+        assert_eq!(counts.len(), spec.levels() * level_counts, "counts of one point");
+        assert_eq!(out.len(), self.values_per_point(spec), "descriptor of one point");
+        for (level, counts) in counts.chunks_exact(level_counts).enumerate() {
+            self.convert_level(spec, level, counts, out);
+        }
+    }
+
+    /// Converts one level's counts, ordered `[cell][material]`, into a whole point's descriptor.
+    pub(crate) fn convert_level(&self, spec: &StencilSpec, level: usize, counts: &[u32], out: &mut [f32]) {
+        let f = self.features.len();
+        let (cells, factor) = (spec.cells_per_level(), spec.level_factor(level));
+        let per_channel = spec.cells_in_all() * f;
+        let mut sums = vec![0.0; self.width];
+        for (cell, counts) in counts.chunks_exact(self.materials).enumerate() {
+            sums.fill(0.0);
+            for (&count, row) in counts.iter().zip(self.rows.chunks_exact(self.width)) {
+                for (sum, value) in sums.iter_mut().zip(row) {
+                    *sum += f64::from(count) * value;
+                }
+            }
+            for (channel, &distinct) in self.distinct.iter().enumerate() {
+                let to = channel * per_channel + (level * cells + cell) * f;
+                for (out, sum) in out[to..to + f].iter_mut().zip(&sums[distinct * f..]) {
+                    *out = (sum * factor) as f32;
+                }
+            }
+        }
+    }
+}
