@@ -15,12 +15,14 @@
 #![forbid(unsafe_code)]
 
 pub mod control;
+mod eigen;
 mod envelope;
 pub mod error;
 pub mod grid;
 pub mod material;
 pub mod nearest;
 mod nearest_block;
+mod normal_window;
 mod normals;
 mod occupancy;
 pub mod pitch;
