@@ -1,0 +1,296 @@
+//! The SIMD kernel: delta tracking of many paths at once, lanes refilled as paths end.
+//!
+//! One source, three instruction sets, bit-identical results: see [`lanes::Lanes`].
+#![allow(unsafe_code)]
+
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod lanes;
+mod math;
+mod portable;
+mod step;
+
+use std::ops::Range;
+
+use lanes::Lanes;
+use portable::Portable;
+use step::{Constants, Paths};
+
+use crate::Backend;
+use crate::bricks::Brick;
+use crate::coefficients::{Coefficients, Phase};
+use crate::exit::{self, Outcome};
+use crate::rng;
+use crate::tally::Tally;
+use crate::volume::{Start, Volume};
+
+/// Steps after which a path is ended as if it left the object then. A path of a 60 mm white cube
+/// needs some 1e5 at most; only light trapped in clear material gets here.
+pub(crate) const MAX_STEPS: u64 = 1 << 22;
+/// Vectors in flight, so that one's latencies hide behind the other's work.
+const VECTORS: usize = 2;
+/// Lanes that must be idle before a vector is refilled.
+const REFILL: u32 = 3;
+
+/// A set of paths: every sample of every point.
+pub(crate) struct Batch<'a> {
+    pub(crate) volume: &'a Volume,
+    pub(crate) coefficients: &'a Coefficients,
+    /// Refractive index, or `None` where every path that meets the surface leaves.
+    pub(crate) index: Option<f32>,
+    pub(crate) roulette: f32,
+    pub(crate) starts: &'a [Start],
+    /// Random key of each start.
+    pub(crate) keys: &'a [u64],
+    pub(crate) samples: Range<u32>,
+}
+
+/// True when this processor runs the backend.
+pub(crate) fn supports(backend: Backend) -> bool {
+    match backend {
+        #[cfg(target_arch = "x86_64")]
+        Backend::Avx512 => avx512::Avx512::detect().is_some(),
+        Backend::Portable => true,
+        _ => false,
+    }
+}
+
+/// Traces a batch, adding to one tally a start.
+pub(crate) fn trace(backend: Backend, batch: &Batch<'_>, tallies: &mut [Tally]) {
+    assert!(tallies.len() == batch.starts.len() && batch.keys.len() == batch.starts.len());
+    match backend {
+        #[cfg(target_arch = "x86_64")]
+        Backend::Avx512 => {
+            if let Some(lanes) = avx512::Avx512::detect() {
+                // SAFETY: the features were just detected.
+                return unsafe { trace_avx512(lanes, batch, tallies) };
+            }
+        }
+        _ => {}
+    }
+    choose(Portable, batch, tallies);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
+fn trace_avx512(lanes: avx512::Avx512, batch: &Batch<'_>, tallies: &mut [Tally]) {
+    choose(lanes, batch, tallies);
+}
+
+#[inline(always)]
+fn choose<L: Lanes>(l: L, batch: &Batch<'_>, tallies: &mut [Tally]) {
+    match (batch.coefficients.regular, batch.coefficients.phase) {
+        (false, Phase::Uniform) => run::<L, false, false>(l, batch, tallies),
+        (false, Phase::PerMaterial) => run::<L, false, true>(l, batch, tallies),
+        (true, Phase::Uniform) => run::<L, true, false>(l, batch, tallies),
+        (true, Phase::PerMaterial) => run::<L, true, true>(l, batch, tallies),
+    }
+}
+
+/// What lanes need besides the arithmetic: whose path each one walks.
+struct Vector<L: Lanes> {
+    paths: Paths<L>,
+    alive: u16,
+    owner: [u32; 16],
+    deadline: [u64; 16],
+}
+
+#[inline(always)]
+fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
+    l: L,
+    batch: &Batch<'_>,
+    tallies: &mut [Tally],
+) {
+    let volume = batch.volume;
+    let mm = volume.frame().pitch().mm();
+    let constants =
+        Constants::new(l, volume.bricks(), mm, volume.radii_mm(), batch.coefficients, batch.roulette);
+    let mut jobs = Jobs { start: 0, sample: batch.samples.start, batch };
+    let idle = Paths {
+        position: [l.splat(1.5); 3],
+        direction: [l.splat(0.0), l.splat(0.0), l.splat(1.0)],
+        weight: l.splat(0.0),
+        flight: l.splat(0.0),
+        byte: l.splat_i(0),
+        rng: l.load_w(&[0; 16]),
+    };
+    let mut vectors: [Vector<L>; VECTORS] =
+        std::array::from_fn(|_| Vector { paths: idle, alive: 0, owner: [0; 16], deadline: [0; 16] });
+    let mut next_check = MAX_STEPS;
+    let mut steps = 0u64;
+    loop {
+        if steps == next_check {
+            next_check = end_overdue(l, &mut vectors, steps, tallies);
+        }
+        let mut busy = false;
+        for v in &mut vectors {
+            let dead = v.alive.count_zeros();
+            if (dead >= REFILL || v.alive == 0) && dead > 0 && jobs.left() {
+                refill(l, v, &mut jobs, steps);
+            }
+            if v.alive == 0 {
+                continue;
+            }
+            busy = true;
+            let events = step::step::<L, REGULAR, PER_MATERIAL>(l, &constants, &mut v.paths, l.mask(v.alive));
+            let air = l.mask_bits(events.air);
+            if air != 0 {
+                let left = match batch.index {
+                    None => air,
+                    Some(index) => surface_events(l, volume, index, v, air, l.store(events.reflection)),
+                };
+                if left != 0 {
+                    let weights = l.store(v.paths.weight);
+                    for lane in bits(left) {
+                        tallies[v.owner[lane] as usize].add(weights[lane]);
+                    }
+                    v.alive &= !left;
+                }
+            }
+            v.alive &= !l.mask_bits(events.absorbed);
+        }
+        if !busy {
+            break;
+        }
+        steps += 1;
+    }
+}
+
+/// Hands out (start, sample) pairs.
+struct Jobs<'a> {
+    start: usize,
+    sample: u32,
+    batch: &'a Batch<'a>,
+}
+
+impl Jobs<'_> {
+    #[inline]
+    fn left(&self) -> bool {
+        self.start < self.batch.starts.len() && !self.batch.samples.is_empty()
+    }
+
+    #[inline]
+    fn next(&mut self) -> Option<(usize, u32)> {
+        if !self.left() {
+            return None;
+        }
+        let job = (self.start, self.sample);
+        self.sample += 1;
+        if self.sample >= self.batch.samples.end {
+            self.sample = self.batch.samples.start;
+            self.start += 1;
+        }
+        Some(job)
+    }
+}
+
+/// Gives idle lanes new paths.
+#[inline(always)]
+fn refill<L: Lanes>(l: L, v: &mut Vector<L>, jobs: &mut Jobs<'_>, steps: u64) {
+    let mut position = [[0.0f32; 16]; 3];
+    let mut direction = [[0.0f32; 16]; 3];
+    let mut byte = [0u32; 16];
+    let mut state = [0u64; 16];
+    let mut taken = 0u16;
+    for lane in bits(!v.alive) {
+        let Some((start, sample)) = jobs.next() else {
+            break;
+        };
+        let s = &jobs.batch.starts[start];
+        for a in 0..3 {
+            position[a][lane] = s.position[a];
+            direction[a][lane] = s.direction[a];
+        }
+        byte[lane] = u32::from(s.byte);
+        // As `Pcg32::new` does: one step after adding the increment.
+        state[lane] = rng::path_state(jobs.batch.keys[start], sample)
+            .wrapping_add(rng::PCG_INCREMENT)
+            .wrapping_mul(rng::PCG_MULTIPLIER)
+            .wrapping_add(rng::PCG_INCREMENT);
+        v.owner[lane] = start as u32;
+        v.deadline[lane] = steps + MAX_STEPS;
+        taken |= 1 << lane;
+    }
+    let m = l.mask(taken);
+    let p = &mut v.paths;
+    for a in 0..3 {
+        p.position[a] = l.select(m, l.load(&position[a]), p.position[a]);
+        p.direction[a] = l.select(m, l.load(&direction[a]), p.direction[a]);
+    }
+    p.weight = l.select(m, l.splat(1.0), p.weight);
+    p.flight = l.select(m, l.splat(0.0), p.flight);
+    p.byte = l.bits(l.select(m, l.from_bits(l.load_i(&byte)), l.from_bits(p.byte)));
+    p.rng = l.select_w(m, l.load_w(&state), p.rng);
+    v.alive |= taken;
+}
+
+/// Decides what paths that met a dielectric surface do; returns those that leave.
+#[inline(always)]
+fn surface_events<L: Lanes>(
+    l: L,
+    volume: &Volume,
+    index: f32,
+    v: &mut Vector<L>,
+    air: u16,
+    u: [f32; 16],
+) -> u16 {
+    let p = &mut v.paths;
+    let mut position = p.position.map(|x| l.store(x));
+    let mut direction = p.direction.map(|x| l.store(x));
+    let mut byte = l.store_i(p.byte);
+    let mut left = 0;
+    for lane in bits(air) {
+        let at = [position[0][lane], position[1][lane], position[2][lane]];
+        let d = [direction[0][lane], direction[1][lane], direction[2][lane]];
+        match exit::meet(volume, index, at, d, u[lane]) {
+            Outcome::Leave => left |= 1 << lane,
+            Outcome::Stay { position: at, direction: d } => {
+                for a in 0..3 {
+                    position[a][lane] = at[a];
+                    direction[a][lane] = d[a];
+                }
+                byte[lane] = u32::from(volume.bricks().byte(exit::voxel(at)));
+            }
+        }
+    }
+    p.position = position.map(|x| l.load(&x));
+    p.direction = direction.map(|x| l.load(&x));
+    p.byte = l.load_i(&byte);
+    left
+}
+
+/// Ends the paths whose time is up; returns when the next one's may be.
+#[cold]
+fn end_overdue<L: Lanes>(l: L, vectors: &mut [Vector<L>], steps: u64, tallies: &mut [Tally]) -> u64 {
+    let mut next = steps + MAX_STEPS;
+    for v in vectors {
+        let weights = l.store(v.paths.weight);
+        for lane in bits(v.alive) {
+            if v.deadline[lane] <= steps {
+                tallies[v.owner[lane] as usize].add(weights[lane]);
+                v.alive &= !(1 << lane);
+            } else {
+                next = next.min(v.deadline[lane]);
+            }
+        }
+    }
+    next
+}
+
+/// Positions of the bits set.
+#[inline(always)]
+fn bits(mut mask: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        (mask != 0).then(|| {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            lane
+        })
+    })
+}
+
+/// The pool as words, sixteen a brick.
+fn words(pool: &[Brick]) -> &[u32] {
+    // SAFETY: a brick is exactly sixteen u32 (`repr(C)`, size 64, alignment 64).
+    unsafe { std::slice::from_raw_parts(pool.as_ptr().cast(), pool.len() * 16) }
+}

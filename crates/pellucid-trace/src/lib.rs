@@ -1,0 +1,32 @@
+//! Volumetric Monte Carlo path tracing of voxel prints.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`volume`] | a label grid and its surface, arranged in bricks for look-ups |
+//! | [`tracer`] | radiance at surface points |
+//! | [`options`] | boundary, samples, instruction set |
+//! | [`phase`], [`fresnel`] | Henyey-Greenstein scattering, dielectric reflection |
+//!
+//! The quantity: L(x, n) is the expected throughput of a path that starts at the surface point x
+//! going inward along -n and ends on leaving the object. It lies within 0..=1.
+#![deny(unsafe_code)]
+
+mod bricks;
+mod clearance;
+mod coefficients;
+pub mod error;
+mod exit;
+pub mod fresnel;
+mod kernel;
+pub mod options;
+pub mod phase;
+mod rng;
+mod tally;
+pub mod tracer;
+pub mod volume;
+
+pub use error::TraceError;
+pub use fresnel::internal_reflectance;
+pub use options::{Backend, Boundary, RefractiveIndex, TraceOptions, Tracking};
+pub use tracer::Tracer;
+pub use volume::Volume;

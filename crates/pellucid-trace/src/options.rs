@@ -1,0 +1,159 @@
+//! What a caller chooses about an estimate.
+
+use crate::TraceError;
+
+/// How light passes the object's surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Boundary {
+    /// Index-matched: every path that reaches the surface leaves.
+    Matched,
+    /// A smooth dielectric surface: internal Fresnel reflection at the exit, no factor at entry.
+    Dielectric(RefractiveIndex),
+}
+
+impl Boundary {
+    /// A dielectric boundary; an index of exactly 1 is [`Boundary::Matched`].
+    ///
+    /// # Errors
+    /// As [`RefractiveIndex::new`].
+    pub fn with_index(index: f64) -> Result<Self, TraceError> {
+        let index = RefractiveIndex::new(index)?;
+        Ok(if index.get() == 1.0 { Self::Matched } else { Self::Dielectric(index) })
+    }
+
+    /// The refractive index inside the object over that outside.
+    pub fn index(self) -> f64 {
+        match self {
+            Self::Matched => 1.0,
+            Self::Dielectric(index) => index.get(),
+        }
+    }
+}
+
+impl Default for Boundary {
+    /// A dielectric of index 1.5, which the measured materials imply.
+    fn default() -> Self {
+        Self::Dielectric(RefractiveIndex(1.5))
+    }
+}
+
+/// Refractive index of the object over that of its surroundings, within 1..=4.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct RefractiveIndex(f64);
+
+impl RefractiveIndex {
+    /// Checks and wraps an index.
+    ///
+    /// # Errors
+    /// [`TraceError::Invalid`] outside 1..=4.
+    pub fn new(index: f64) -> Result<Self, TraceError> {
+        if (1.0..=4.0).contains(&index) {
+            Ok(Self(index))
+        } else {
+            Err(TraceError::invalid("refractive index", format!("{index} must lie within 1 to 4")))
+        }
+    }
+
+    /// The index.
+    pub fn get(self) -> f64 {
+        self.0
+    }
+}
+
+/// Instruction set the kernel runs on. All give bit-identical results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Backend {
+    /// Sixteen-lane AVX-512 (F and DQ).
+    Avx512,
+    /// Pairs of eight-lane AVX2 vectors with FMA.
+    Avx2,
+    /// Plain Rust on arrays of sixteen; slow, runs anywhere.
+    Portable,
+}
+
+impl Backend {
+    /// The backends that this processor runs, fastest first.
+    pub fn available() -> Vec<Self> {
+        [Self::Avx512, Self::Avx2, Self::Portable].into_iter().filter(|b| b.is_available()).collect()
+    }
+
+    /// True when this processor runs the backend.
+    pub fn is_available(self) -> bool {
+        crate::kernel::supports(self)
+    }
+}
+
+/// How radiance is estimated.
+///
+/// ```
+/// use pellucid_trace::{Boundary, TraceOptions};
+/// let options = TraceOptions { spp: 16, seed: 7, ..TraceOptions::default() };
+/// assert_eq!(options.boundary.index(), 1.5);
+/// assert!(Boundary::with_index(0.5).is_err());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceOptions {
+    /// Paths per surface point and channel, at least 1.
+    pub spp: u32,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// The object's surface.
+    pub boundary: Boundary,
+    /// Instruction set, or `None` for the fastest available.
+    pub backend: Option<Backend>,
+    /// Weight below which a path plays Russian roulette for weight 1, within 0..=1. Any value is
+    /// unbiased; it trades variance for time.
+    pub roulette: f32,
+    /// Collision estimator in media of strong contrast.
+    pub tracking: Tracking,
+}
+
+impl Default for TraceOptions {
+    fn default() -> Self {
+        Self {
+            spp: 64,
+            seed: 0,
+            boundary: Boundary::default(),
+            backend: None,
+            roulette: 0.6,
+            tracking: Tracking::Auto,
+        }
+    }
+}
+
+impl TraceOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`TraceError::Invalid`] for zero paths, a roulette threshold outside 0..=1, or a backend
+    /// that this processor does not run.
+    pub fn check(&self) -> Result<(), TraceError> {
+        if self.spp == 0 {
+            return Err(TraceError::invalid("spp", "0 paths; ask for at least 1"));
+        }
+        if !(0.0..=1.0).contains(&self.roulette) {
+            return Err(TraceError::invalid("roulette", format!("{} must lie within 0 to 1", self.roulette)));
+        }
+        if let Some(backend) = self.backend
+            && !backend.is_available()
+        {
+            return Err(TraceError::invalid(
+                "backend",
+                format!("{backend:?} is not available on this processor; use None for the fastest that is"),
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// How free flights are sampled. Both are unbiased.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tracking {
+    /// Delta tracking, or regular tracking for a channel whose largest extinction is more than
+    /// 16 times the smallest among the materials in use.
+    Auto,
+    /// Delta (Woodcock) tracking with one majorant a channel.
+    Delta,
+    /// Voxel by voxel with each voxel's own extinction: no null collisions, cost by the voxel.
+    Regular,
+}

@@ -1,0 +1,209 @@
+//! Radiance at surface points, in parallel.
+
+use std::sync::atomic::AtomicU64;
+
+use pellucid_voxel::{Control, MaterialTable};
+use rayon::prelude::*;
+
+use crate::coefficients::Coefficients;
+use crate::kernel::{self, Batch};
+use crate::tally::Tally;
+use crate::volume::{Start, Volume};
+use crate::{Backend, Boundary, TraceError, TraceOptions, rng};
+
+/// Paths traced by one task between looks at the cancellation flag.
+const PATHS_PER_TASK: usize = 1 << 14;
+
+/// Estimates the radiance L(x, n) of surface points by unbiased path tracing.
+///
+/// A path starts at the surface going inward along -n, scatters by delta tracking and
+/// Henyey-Greenstein, and contributes its throughput on leaving (design, Physics; Sumin et al.
+/// 2019). The same options give the same bytes for any number of threads and on any processor,
+/// whichever other points are asked for.
+///
+/// ```
+/// use pellucid_trace::{TraceOptions, Tracer, Volume};
+/// use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
+/// let frame = Frame::new([0.0; 3], Pitch::j750(), [48, 24, 74]).unwrap(); // 2 mm
+/// let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5)); // white
+/// let control = Control::none();
+/// let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+/// let volume = Volume::new(&grid, &surface, &control).unwrap();
+/// let materials = MaterialTable::cmykw();
+/// let tracer = Tracer::new(&volume, &materials, TraceOptions { spp: 64, ..Default::default() }).unwrap();
+/// let top = surface.index_of([24, 12, 73]).unwrap();
+/// let mut radiance = [0.0; 3];
+/// tracer.radiance(&[top], 0, &mut radiance, &control).unwrap();
+/// assert!(radiance.iter().all(|&l| l > 0.6 && l <= 1.0));
+/// ```
+pub struct Tracer<'a> {
+    volume: &'a Volume,
+    channels: Vec<Coefficients>,
+    options: TraceOptions,
+    backend: Backend,
+}
+
+impl<'a> Tracer<'a> {
+    /// A tracer for a volume of these materials.
+    ///
+    /// # Errors
+    /// [`TraceError::Invalid`] when options are out of range or a label in use has no material.
+    pub fn new(
+        volume: &'a Volume,
+        materials: &MaterialTable,
+        options: TraceOptions,
+    ) -> Result<Self, TraceError> {
+        options.check()?;
+        volume.check_materials(materials)?;
+        let channels = (0..materials.channels())
+            .map(|c| Coefficients::new(materials, volume.palette(), c, options.tracking))
+            .collect();
+        let backend = options.backend.unwrap_or_else(|| Backend::available()[0]);
+        Ok(Self { volume, channels, options, backend })
+    }
+
+    /// Number of channels, the materials'.
+    pub fn channels(&self) -> usize {
+        self.channels.len()
+    }
+
+    /// The instruction set in use.
+    pub fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// Radiance of `points`, positions in the surface's list, into `radiance`, ordered
+    /// `[point][channel]`, each within 0..=1. `iteration` chooses an independent set of paths.
+    ///
+    /// # Errors
+    /// [`TraceError::Invalid`] for a point past the surface or a buffer of another length,
+    /// [`TraceError::Cancelled`]. Progress counts paths.
+    pub fn radiance(
+        &self,
+        points: &[u32],
+        iteration: u32,
+        radiance: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        let spp = self.options.spp;
+        let mut tallies = self.tallies_for(points, radiance.len())?;
+        self.add_samples(points, iteration, 0..spp, &mut tallies, control)?;
+        for (out, tally) in radiance.iter_mut().zip(&tallies) {
+            *out = tally.mean(spp) as f32;
+        }
+        Ok(())
+    }
+
+    /// As [`Tracer::radiance`], with the standard error of each estimate in `std_error`.
+    ///
+    /// # Errors
+    /// As [`Tracer::radiance`]; `std_error` must be as long as `radiance`.
+    pub fn radiance_with_error(
+        &self,
+        points: &[u32],
+        iteration: u32,
+        radiance: &mut [f32],
+        std_error: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        let spp = self.options.spp;
+        let mut tallies = self.tallies_for(points, radiance.len())?;
+        self.tallies_for(points, std_error.len())?;
+        self.add_samples(points, iteration, 0..spp, &mut tallies, control)?;
+        for ((out, error), tally) in radiance.iter_mut().zip(std_error).zip(&tallies) {
+            *out = tally.mean(spp) as f32;
+            *error = tally.std_error(spp) as f32;
+        }
+        Ok(())
+    }
+
+    /// Empty tallies `[point][channel]`, after checking the points and a buffer's length.
+    fn tallies_for(&self, points: &[u32], buffer: usize) -> Result<Vec<Tally>, TraceError> {
+        let expected = points.len() * self.channels.len();
+        if buffer != expected {
+            return Err(TraceError::invalid(
+                "radiance buffer",
+                format!("{buffer} values for {} points of {} channels", points.len(), self.channels.len()),
+            ));
+        }
+        if let Some(p) = points.iter().find(|&&p| p as usize >= self.volume.len()) {
+            return Err(TraceError::invalid(
+                "points",
+                format!("point {p} of a surface of {}", self.volume.len()),
+            ));
+        }
+        Ok(vec![Tally::default(); expected])
+    }
+
+    /// Traces samples of every point and channel into `tallies`, `[point][channel]`.
+    fn add_samples(
+        &self,
+        points: &[u32],
+        iteration: u32,
+        samples: std::ops::Range<u32>,
+        tallies: &mut [Tally],
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        let channels = self.channels.len();
+        let spp = samples.len();
+        let total = (points.len() * channels * spp) as u64;
+        let done = AtomicU64::new(0);
+        // Few points with many samples are split by sample, many points by point.
+        let points_per_task = (PATHS_PER_TASK / spp.max(1)).clamp(1, 4096);
+        let index = match self.options.boundary {
+            Boundary::Matched => None,
+            Boundary::Dielectric(n) => Some(n.get() as f32),
+        };
+        points
+            .par_chunks(points_per_task)
+            .zip(tallies.par_chunks_mut(points_per_task * channels))
+            .try_for_each(|(points, tallies)| {
+                let starts: Vec<Start> = points.iter().map(|&p| self.volume.start(p)).collect();
+                for (c, coefficients) in self.channels.iter().enumerate() {
+                    let keys: Vec<u64> = points
+                        .iter()
+                        .map(|&p| rng::point_key(self.options.seed, iteration, c as u32, p))
+                        .collect();
+                    let parts: Vec<_> = split(samples.clone(), PATHS_PER_TASK / points.len()).collect();
+                    let sums = parts
+                        .into_par_iter()
+                        .map(|samples| {
+                            control.check()?;
+                            let paths = (samples.len() * starts.len()) as u64;
+                            let mut part = vec![Tally::default(); starts.len()];
+                            let batch = Batch {
+                                volume: self.volume,
+                                coefficients,
+                                index,
+                                roulette: self.options.roulette,
+                                starts: &starts,
+                                keys: &keys,
+                                samples,
+                            };
+                            kernel::trace(self.backend, &batch, &mut part);
+                            control.advance(&done, paths, total);
+                            Ok::<_, TraceError>(part)
+                        })
+                        .try_reduce(
+                            || vec![Tally::default(); starts.len()],
+                            |mut a, b| {
+                                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+                                Ok(a)
+                            },
+                        )?;
+                    for (p, sum) in sums.into_iter().enumerate() {
+                        tallies[p * channels + c] += sum;
+                    }
+                }
+                Ok(())
+            })
+    }
+}
+
+/// Consecutive ranges of at most `most` (at least 1) samples, of nearly equal length.
+fn split(samples: std::ops::Range<u32>, most: usize) -> impl Iterator<Item = std::ops::Range<u32>> {
+    let n = samples.len();
+    let parts = n.div_ceil(most.max(1)).max(1);
+    (0..parts)
+        .map(move |i| samples.start + (n * i / parts) as u32..samples.start + (n * (i + 1) / parts) as u32)
+}
