@@ -8,6 +8,7 @@
 //! | [`surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
 //! | [`sat`] | exact summed-area tables over material counts: [`CountSat`] |
+//! | [`thickness`] | how thick the solid is at each surface voxel |
 //! | [`control`] | progress and cancellation of long work |
 //!
 //! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
@@ -29,6 +30,7 @@ pub mod pitch;
 pub mod sat;
 pub mod surface;
 mod surface_index;
+pub mod thickness;
 
 pub use control::{Control, Progress};
 pub use error::VoxelError;
@@ -38,3 +40,4 @@ pub use nearest::NearestSurface;
 pub use pitch::{Frame, Pitch};
 pub use sat::{CountSat, SatMemory};
 pub use surface::{Surface, SurfaceOptions};
+pub use thickness::local_thickness_mm;

@@ -85,10 +85,11 @@ impl<'a> NormalEstimator<'a> {
         for (i, window) in self.windows.iter().enumerate() {
             let moment = self.outward_mm(window.first(block, local));
             let length = dot(moment, moment).sqrt();
-            if i == 0 && length < SHEET_MOMENT * window.half_space {
-                if let Some(n) = self.sheet_normal(&window.moments(block, local), moment, open) {
-                    return n;
-                }
+            if i == 0
+                && length < SHEET_MOMENT * window.half_space
+                && let Some(n) = self.sheet_normal(&window.moments(block, local), moment, open)
+            {
+                return n;
             }
             if length >= LEAST_MOMENT * window.half_space && outward(moment) {
                 let n = moment.map(|c| c / length);
