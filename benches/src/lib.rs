@@ -1,0 +1,4 @@
+//! Volumes that the benchmarks share.
+#![forbid(unsafe_code)]
+
+pub mod volumes;
