@@ -2,18 +2,37 @@
 //!
 //! | module | owns |
 //! | --- | --- |
+//! | [`import`] | glTF 2.0 files into a [`Model`], within stated limits |
 //! | [`model`] | the imported mesh: vertices, triangles, base colours |
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
+//! | [`repair`] | what is wrong with a mesh: [`MeshReport`] |
+//! | [`voxelise`] | solid voxels by generalised winding number |
+//! | [`target`] | the colour of each surface voxel |
 //! | [`error`] | [`MeshError`] |
 //!
 //! Positions are metres in print axes: z is up, so glTF's `(x, y, z)` is `(x, -z, y)` here.
 //! Colours are linear Rec.709.
 #![forbid(unsafe_code)]
 
+mod bvh;
 pub mod error;
+mod geometry;
+pub mod import;
 pub mod model;
+pub mod repair;
+#[cfg(test)]
+mod shapes;
+pub mod target;
 pub mod texture;
+mod topology;
+pub mod voxelise;
+mod weld;
+mod winding;
 
 pub use error::MeshError;
+pub use import::{ImportLimits, import_path, import_slice};
 pub use model::{BaseColor, Model, Note, Triangle, Vertex};
-pub use texture::{Filter, Mip, Sampler, Texture, Wrap};
+pub use repair::MeshReport;
+pub use target::surface_colors;
+pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
+pub use voxelise::{Placement, Scale, Voxelised, VoxeliseOptions, voxelise};

@@ -1,0 +1,74 @@
+//! What is wrong with a mesh, and what voxelisation put right.
+
+use crate::topology::Topology;
+use crate::voxelise::Placement;
+
+/// Findings about a model's mesh at its print size, after vertices that meet in position were
+/// joined.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct MeshReport {
+    /// Distinct vertex positions.
+    pub vertices: u64,
+    /// Triangles of the model.
+    pub triangles: u64,
+    /// Edges of the triangles that were kept.
+    pub edges: u64,
+    /// Every edge is run as often one way as the other once orientation is put right: the mesh
+    /// has no holes.
+    pub closed: bool,
+    /// Edges with one triangle only.
+    pub boundary_edges: u64,
+    /// Connected boundary curves; each was closed.
+    pub holes: u64,
+    /// Edges with three or more triangles.
+    pub non_manifold_edges: u64,
+    /// Edges that their two triangles run the same way in the model.
+    pub inconsistent_edges: u64,
+    /// Triangles whose orientation was reversed, alone or with their shell.
+    pub reversed_triangles: u64,
+    /// Parts joined by edges of two triangles each.
+    pub shells: u64,
+    /// Shells that faced inwards and were not cavities; they were turned round.
+    pub flipped_shells: u64,
+    /// Shells that face inwards inside solid: hollows, kept.
+    pub cavities: u64,
+    /// Triangles without area.
+    pub degenerate_triangles: u64,
+    /// Triangles left out because another has the same corners.
+    pub duplicate_triangles: u64,
+    /// Extent `[x, y, z]` in millimetres.
+    pub extent_mm: [f64; 3],
+    /// Enclosed volume in mm³ with holes closed; where shells overlap it counts twice.
+    pub volume_mm3: f64,
+    /// Voxels kept for parts too thin to hold a voxel centre.
+    pub thin_voxels: u64,
+}
+
+impl MeshReport {
+    pub(crate) fn new(topology: &Topology, placement: &Placement, triangles: u64, thin_voxels: u64) -> Self {
+        let facing = |s: &crate::topology::Shell| if s.flipped { -s.volume } else { s.volume };
+        let mut used: Vec<u32> = topology.triangles.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        Self {
+            vertices: used.len() as u64,
+            triangles,
+            edges: topology.edges,
+            closed: topology.shells.iter().all(|s| s.caps.is_empty()),
+            boundary_edges: topology.boundary_edges,
+            holes: topology.shells.iter().map(|s| s.holes).sum(),
+            non_manifold_edges: topology.non_manifold_edges,
+            inconsistent_edges: topology.inconsistent_edges,
+            reversed_triangles: topology.reversed.iter().filter(|r| **r).count() as u64,
+            shells: topology.shells.len() as u64,
+            flipped_shells: topology.shells.iter().filter(|s| s.flipped).count() as u64,
+            cavities: topology.shells.iter().filter(|s| facing(s) < 0.0).count() as u64,
+            degenerate_triangles: topology.degenerate,
+            duplicate_triangles: topology.duplicate,
+            extent_mm: placement.extent_mm(),
+            volume_mm3: topology.shells.iter().map(facing).sum(),
+            thin_voxels,
+        }
+    }
+}
