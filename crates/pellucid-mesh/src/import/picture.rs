@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::buffers::Buffers;
 use super::source::{label, quoted};
@@ -10,6 +10,9 @@ use crate::MeshError;
 use crate::texture::Image;
 
 const PLAIN: &str = "export the model with its textures as PNG or JPEG";
+
+/// What a decoder may allocate beside the pixels.
+const DECODER_BYTES: u64 = 64 << 20;
 
 /// Decodes image `index`, charging its size to `budget` (bytes left for all textures).
 pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Result<Image, MeshError> {
@@ -43,40 +46,44 @@ pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Resul
             return Err(source.unsupported(object, reason, PLAIN));
         }
     };
-    let undecodable = |e: image::ImageError| {
-        source.invalid(&object, format!("the image cannot be decoded: {e}"), "save it again as PNG or JPEG")
-    };
-    let mut decoder =
-        ImageReader::with_format(Cursor::new(bytes), format).into_decoder().map_err(undecodable)?;
-    let (width, height) = decoder.dimensions();
     let limits = source.limits;
     let too_large = |reason: String, field: &str| {
-        let remedy = format!("scale the texture down or raise ImportLimits::{field}");
-        Err(source.unsupported(&object, reason, remedy))
+        source.unsupported(&object, reason, format!("scale the texture down or raise ImportLimits::{field}"))
     };
-    if width.max(height) > limits.texture_edge {
-        let reason = format!("{width} x {height} pixels, the limit is {} a side", limits.texture_edge);
-        return too_large(reason, "texture_edge");
-    }
-    let pixels = u64::from(width) * u64::from(height);
-    if pixels > limits.texture_pixels {
-        let reason = format!("{width} x {height} pixels, the limit is {}", limits.texture_pixels);
-        return too_large(reason, "texture_pixels");
-    }
-    let deep = decoder.color_type().bytes_per_pixel() > 4
-        || matches!(decoder.color_type(), image::ColorType::L16 | image::ColorType::La16);
-    let cost = Image::bytes(width, height, deep);
-    if cost > *budget {
-        let reason = format!("it takes {cost} bytes decoded; {budget} of {} are left", limits.texture_bytes);
-        return too_large(reason, "texture_bytes");
-    }
-    *budget -= cost;
+    let undecodable = |error| match error {
+        image::ImageError::Limits(error) => {
+            let reason = format!("{error}; the limit is {} pixels a side", limits.texture_edge);
+            too_large(reason, "texture_edge")
+        }
+        other => {
+            let reason = format!("the image cannot be decoded: {other}");
+            source.invalid(&object, reason, "save it again as PNG or JPEG")
+        }
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut bounds = image::Limits::default();
     bounds.max_image_width = Some(limits.texture_edge);
     bounds.max_image_height = Some(limits.texture_edge);
-    // 8 bytes for a 16-bit RGBA pixel, as much again and 64 MiB for the decoder's own buffers.
-    bounds.max_alloc = Some(pixels * 16 + (64 << 20));
-    decoder.set_limits(bounds).map_err(undecodable)?;
+    // The pixels have their own limits below; this is for rows and metadata.
+    bounds.max_alloc = Some(DECODER_BYTES + 8 * u64::from(limits.texture_edge));
+    reader.limits(bounds);
+    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > limits.texture_pixels {
+        let reason = format!("{width} x {height} pixels, the limit is {}", limits.texture_pixels);
+        return Err(too_large(reason, "texture_pixels"));
+    }
+    let deep = matches!(
+        decoder.color_type(),
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
+    );
+    let cost = Image::bytes(width, height, deep);
+    if cost > *budget {
+        let reason = format!("it takes {cost} bytes decoded; {budget} of {} are left", limits.texture_bytes);
+        return Err(too_large(reason, "texture_bytes"));
+    }
+    *budget -= cost;
     let picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     if deep {
         let texels = picture.into_rgb16().pixels().map(|p| p.0.map(linear16)).collect();

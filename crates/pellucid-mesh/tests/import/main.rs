@@ -1,0 +1,6 @@
+//! glTF import through the public API.
+
+mod color;
+mod errors;
+mod geometry;
+mod glb;
