@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, LazyLock};
 
+use rayon::prelude::*;
+
 use crate::MeshError;
 
 /// How a coordinate outside 0..1 maps to the image.
@@ -92,20 +94,20 @@ impl Level {
     fn halved(&self) -> Level {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         let columns: Vec<_> = (0..width).map(|x| taps(x, self.width, width)).collect();
-        let mut texels = Vec::with_capacity(width as usize * height as usize);
-        for y in 0..height {
-            let rows = taps(y, self.height, height);
-            for column in &columns {
+        let mut texels = vec![[0; 3]; width as usize * height as usize];
+        texels.par_chunks_mut(width as usize).zip(0..height).for_each(|(row, y)| {
+            let (top, heights) = taps(y, self.height, height);
+            for (texel, (left, widths)) in row.iter_mut().zip(&columns) {
                 let mut sum = [0.0; 3];
-                for (dy, wy) in rows.1.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                    for (dx, wx) in column.1.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                        let t = self.texel(column.0 + dx as u32, rows.0 + dy as u32);
+                for (dy, wy) in heights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+                    for (dx, wx) in widths.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+                        let t = self.texel(left + dx as u32, top + dy as u32);
                         (0..3).for_each(|c| sum[c] += wx * wy * t[c]);
                     }
                 }
-                texels.push(sum.map(|c| (c * 65535.0).round() as u16));
+                *texel = sum.map(|c| (c * 65535.0).round() as u16);
             }
-        }
+        });
         Level { width, height, texels: Texels::Linear16(texels) }
     }
 }
@@ -165,11 +167,12 @@ impl Image {
         Ok(Self { levels })
     }
 
-    /// Bytes that an image of this size takes with its mip chain.
+    /// Upper bound on the bytes of an image of this size with its mip chain.
     pub fn bytes(width: u32, height: u32, sixteen_bit: bool) -> u64 {
         let pixels = u64::from(width) * u64::from(height);
-        // The chain below level 0 holds at most a third of its texels, or for a strip as many.
-        pixels * if sixteen_bit { 6 } else { 3 } + pixels.div_ceil(3).max(u64::from(width.max(height))) * 6
+        // Each level has at most a quarter of the one above, or half of it once a side is 1.
+        let chain = pixels.div_ceil(3) + u64::from(width.max(height));
+        pixels * if sixteen_bit { 6 } else { 3 } + chain * 6
     }
 
     /// Width and height of level 0 in texels.
@@ -316,4 +319,63 @@ fn principal_axes(axes: [[f64; 2]; 2]) -> ([f64; 2], f64) {
     let (large, small) = ((mean + spread).sqrt(), (mean - spread).max(0.0).sqrt());
     let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
     ([large * angle.cos(), large * angle.sin()], small)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stated_size_covers_the_mip_chain() {
+        for (width, height) in [(1, 1), (16, 4), (5, 3), (1, 64), (31, 2), (64, 64), (1000, 3), (7, 129)] {
+            let image = Image::from_srgb8(width, height, vec![[0; 3]; (width * height) as usize]).unwrap();
+            let held: usize = image
+                .levels
+                .iter()
+                .map(|l| match &l.texels {
+                    Texels::Srgb8(t) => 3 * t.len(),
+                    Texels::Linear16(t) => 6 * t.len(),
+                })
+                .sum();
+            assert!(held as u64 <= Image::bytes(width, height, false), "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn every_level_keeps_the_mean() {
+        // Odd sides too, where two by two texels would leave a row out.
+        let (width, height) = (13, 6);
+        let texels: Vec<[u16; 3]> =
+            (0..width * height).map(|i| [(i * 797) as u16, (i * i * 11) as u16, 65535]).collect();
+        let image = Image::from_linear16(width, height, texels).unwrap();
+        let mean = |l: &Level| -> [f64; 3] {
+            let mut sum = [0.0; 3];
+            for y in 0..l.height {
+                for x in 0..l.width {
+                    let t = l.texel(x, y);
+                    (0..3).for_each(|c| sum[c] += t[c] / f64::from(l.width * l.height));
+                }
+            }
+            sum
+        };
+        let expected = mean(&image.levels[0]);
+        assert_eq!(image.levels.last().map(|l| (l.width, l.height)), Some((1, 1)));
+        for level in &image.levels[1..] {
+            let found = mean(level);
+            assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-4), "{found:?} is not {expected:?}");
+        }
+    }
+
+    #[test]
+    fn principal_axes_of_a_turned_ellipse() {
+        // Conjugate axes of an ellipse of 3 by 1 turned by 0.6, themselves turned by any angle.
+        let (sin, cos) = 0.6f64.sin_cos();
+        for angle in [0.0f64, 0.4, 1.3, 2.9] {
+            let (s, c) = angle.sin_cos();
+            let axis = |a: f64, b: f64| [3.0 * a * cos - b * sin, 3.0 * a * sin + b * cos];
+            let (long, short) = principal_axes([axis(c, s), axis(-s, c)]);
+            assert!((long[0] - 3.0 * cos).abs() < 1e-9 && (long[1] - 3.0 * sin).abs() < 1e-9, "{long:?}");
+            assert!((short - 1.0).abs() < 1e-9);
+        }
+    }
 }

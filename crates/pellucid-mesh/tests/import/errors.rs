@@ -430,8 +430,7 @@ fn files_beside_the_model() {
     let text = beside.to_string();
     let alone = import_slice("figure.gltf", text.as_bytes(), None, &ImportLimits::default());
     refused(alone, Invalid, "buffer 0", "without a folder");
-    let mut small = ImportLimits::default();
-    small.file_bytes = text.len() as u64 + 1;
+    let small = ImportLimits { file_bytes: text.len() as u64 + 1, ..ImportLimits::default() };
     fs::write(model.join("figure.bin"), vec![0; text.len() + 2]).unwrap();
     let large = import_slice("figure.gltf", text.as_bytes(), Some(&model), &small);
     refused(large, Unsupported, "buffer 0", "allowed for the model's files");
