@@ -204,8 +204,14 @@ impl Lanes for Avx512 {
         unsafe {
             let factor = _mm512_set1_epi64(PCG_MULTIPLIER as i64);
             let addend = _mm512_set1_epi64(PCG_INCREMENT as i64);
-            let next = s.map(|s| _mm512_add_epi64(_mm512_mullo_epi64(s, factor), addend));
-            let x = s.map(|s| _mm512_xor_si512(_mm512_srli_epi64::<18>(s), s));
+            let next = [
+                _mm512_add_epi64(_mm512_mullo_epi64(s[0], factor), addend),
+                _mm512_add_epi64(_mm512_mullo_epi64(s[1], factor), addend),
+            ];
+            let x = [
+                _mm512_xor_si512(_mm512_srli_epi64::<18>(s[0]), s[0]),
+                _mm512_xor_si512(_mm512_srli_epi64::<18>(s[1]), s[1]),
+            ];
             let word =
                 _mm512_mask_blend_epi32(0xAAAA, _mm512_srli_epi64::<27>(x[0]), _mm512_slli_epi64::<5>(x[1]));
             // The odd lanes' rotation is in the high half's low bits; counts are taken modulo 32.

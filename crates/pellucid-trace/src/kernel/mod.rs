@@ -4,6 +4,8 @@
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
 mod lanes;
 mod math;
@@ -50,8 +52,11 @@ pub(crate) fn supports(backend: Backend) -> bool {
     match backend {
         #[cfg(target_arch = "x86_64")]
         Backend::Avx512 => avx512::Avx512::detect().is_some(),
+        #[cfg(target_arch = "x86_64")]
+        Backend::Avx2 => avx2::Avx2::detect().is_some(),
+        #[cfg(not(target_arch = "x86_64"))]
+        Backend::Avx512 | Backend::Avx2 => false,
         Backend::Portable => true,
-        _ => false,
     }
 }
 
@@ -66,6 +71,13 @@ pub(crate) fn trace(backend: Backend, batch: &Batch<'_>, tallies: &mut [Tally]) 
                 return unsafe { trace_avx512(lanes, batch, tallies) };
             }
         }
+        #[cfg(target_arch = "x86_64")]
+        Backend::Avx2 => {
+            if let Some(lanes) = avx2::Avx2::detect() {
+                // SAFETY: the features were just detected.
+                return unsafe { trace_avx2(lanes, batch, tallies) };
+            }
+        }
         _ => {}
     }
     choose(Portable, batch, tallies);
@@ -74,6 +86,12 @@ pub(crate) fn trace(backend: Backend, batch: &Batch<'_>, tallies: &mut [Tally]) 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
 fn trace_avx512(lanes: avx512::Avx512, batch: &Batch<'_>, tallies: &mut [Tally]) {
+    choose(lanes, batch, tallies);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
+fn trace_avx2(lanes: avx2::Avx2, batch: &Batch<'_>, tallies: &mut [Tally]) {
     choose(lanes, batch, tallies);
 }
 
@@ -235,8 +253,8 @@ fn surface_events<L: Lanes>(
     u: [f32; 16],
 ) -> u16 {
     let p = &mut v.paths;
-    let mut position = p.position.map(|x| l.store(x));
-    let mut direction = p.direction.map(|x| l.store(x));
+    let mut position = [l.store(p.position[0]), l.store(p.position[1]), l.store(p.position[2])];
+    let mut direction = [l.store(p.direction[0]), l.store(p.direction[1]), l.store(p.direction[2])];
     let mut byte = l.store_i(p.byte);
     let mut left = 0;
     for lane in bits(air) {
@@ -253,8 +271,10 @@ fn surface_events<L: Lanes>(
             }
         }
     }
-    p.position = position.map(|x| l.load(&x));
-    p.direction = direction.map(|x| l.load(&x));
+    for a in 0..3 {
+        p.position[a] = l.load(&position[a]);
+        p.direction[a] = l.load(&direction[a]);
+    }
     p.byte = l.load_i(&byte);
     left
 }

@@ -1,5 +1,7 @@
 //! One step of sixteen paths: fly to the next tentative collision, or as far as is known to be
 //! free of air, or to the next voxel face; then look up the voxel and collide.
+//!
+//! No closures here: they would not inherit the caller's instruction set.
 
 use super::lanes::Lanes;
 use super::math::{neg_ln, sin_cos_turn, unit};
@@ -100,7 +102,11 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
     let t = l.select(fresh, l.mul(neg_ln(l, unit(l, b0)), path), s.flight);
     let clear = if REGULAR { zero } else { l.lookup(c.clear, l.shr::<4>(s.byte)) };
     let short = l.and(l.lt(clear, t), alive);
-    let rate: [L::F; 3] = [0, 1, 2].map(|a| l.mul(s.direction[a], c.rate[a]));
+    let rate = [
+        l.mul(s.direction[0], c.rate[0]),
+        l.mul(s.direction[1], c.rate[1]),
+        l.mul(s.direction[2], c.rate[2]),
+    ];
     let mut crossed = l.mask(0);
     if l.any(short) {
         // The nearest face of the voxel ahead.
@@ -166,7 +172,9 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
 /// The bytes of the voxels at positions, which are first brought within the table.
 #[inline(always)]
 fn voxel_bytes<L: Lanes>(l: L, c: &Constants<'_, L>, position: &[L::F; 3]) -> L::I {
-    let [x, y, z] = [0, 1, 2].map(|a| l.min_u(l.to_i(position[a]), c.last[a]));
+    let x = l.min_u(l.to_i(position[0]), c.last[0]);
+    let y = l.min_u(l.to_i(position[1]), c.last[1]);
+    let z = l.min_u(l.to_i(position[2]), c.last[2]);
     let at = l.add_i(l.mul_i(l.shr::<2>(z), c.slab), l.shr::<2>(y));
     let at = l.add_i(l.mul_i(at, c.row), l.shr::<2>(x));
     // SAFETY: x, y, z lie within the bricks' extent, so `at` is below the table's length, which
@@ -224,5 +232,5 @@ fn deflect<L: Lanes, const PER_MATERIAL: bool>(
     // One Newton step keeps the length at 1 over any number of collisions.
     let norm = l.fma(e[0], e[0], l.fma(e[1], e[1], l.mul(e[2], e[2])));
     let scale = l.fnma(l.splat(0.5), norm, l.splat(1.5));
-    e.map(|v| l.mul(v, scale))
+    [l.mul(e[0], scale), l.mul(e[1], scale), l.mul(e[2], scale)]
 }
