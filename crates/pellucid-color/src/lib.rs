@@ -9,6 +9,9 @@
 //! | [`spectrum`] | 31-band spectra to XYZ and RGB |
 //! | [`plane_parallel`] | deterministic radiance of half-spaces, slabs and layer stacks |
 //! | [`curve`] | half-space radiance as a fast function of albedo |
+//! | [`mixture`] | volume fractions to colour, its exact inverse, and the inverse as a table |
+//! | [`gamut`] | printable colours of thick and thin parts |
+//! | [`intent`] | media white, rendering intents, black point |
 //!
 //! Conventions: RGB is linear Rec.709 under D65 with media white at 1 unless a name says
 //! otherwise; lengths are millimetres and coefficients 1/mm.
@@ -17,6 +20,9 @@
 pub mod curve;
 pub mod delta_e;
 pub mod error;
+pub mod gamut;
+pub mod intent;
+pub mod mixture;
 pub mod plane_parallel;
 pub mod space;
 pub mod spectrum;
@@ -25,5 +31,9 @@ pub mod stats;
 
 pub use delta_e::delta_e_2000;
 pub use error::ColorError;
+pub use gamut::{Gamut, GamutReport, Mapped, ThicknessGamut};
+pub use intent::{MediaWhite, Rendering, RenderingIntent};
+pub use mixture::inverse::MatchOptions;
+pub use mixture::{Fractions, MixtureModel};
 pub use space::{Lab, Lch, Oklab, Xyz};
 pub use stats::DeltaEStats;
