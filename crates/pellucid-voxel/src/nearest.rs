@@ -292,6 +292,28 @@ mod tests {
     }
 
     #[test]
+    fn the_same_for_any_number_of_threads() {
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [150, 90, 200]).unwrap();
+        let grid = solid_boxes(frame, 1, &[([0; 3], [30, 90, 40], 0), ([50, 40, 60], [60, 9, 100], 0)]);
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let control = Control::none();
+                let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+                let nearest = NearestSurface::build(&grid, &surface, 0.5, &control).unwrap();
+                (surface, nearest)
+            })
+        };
+        let ((surface, nearest), (other_surface, other_nearest)) = (run(1), run(4));
+        assert_eq!(surface.voxels(), other_surface.voxels());
+        assert_eq!(surface.normals(), other_surface.normals());
+        for i in 0..grid.tiles().len() {
+            assert_eq!(nearest.tile(i), other_nearest.tile(i));
+        }
+        assert!(nearest.stored_tiles() > 100);
+    }
+
+    #[test]
     fn refuses_what_does_not_fit() {
         let frame = |size| Frame::new([0.0; 3], Pitch::j750(), size).unwrap();
         let grid = LabelGrid::from_tiles(frame([20, 20, 20]), |_| Tile::Constant(1));

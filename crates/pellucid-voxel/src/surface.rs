@@ -30,6 +30,9 @@ impl Default for SurfaceOptions {
 /// The solid voxels with at least one of their six neighbours air or outside the grid, ascending
 /// by (z, y, x), each with a unit normal that points out of the solid.
 ///
+/// It depends on which voxels are solid and not on their materials, so it stays valid while the
+/// materials of solid voxels change.
+///
 /// ```
 /// use pellucid_voxel::{Control, Frame, LabelGrid, Pitch, Surface, SurfaceOptions, Tile};
 /// let frame = Frame::new([0.0; 3], Pitch::j750(), [32, 32, 32]).unwrap();
@@ -64,6 +67,7 @@ impl Surface {
         options: &SurfaceOptions,
         control: &Control,
     ) -> Result<Surface, VoxelError> {
+        SurfaceIndex::check_size(grid.tile_dims())?;
         let estimator = NormalEstimator::new(grid, options.normal_radius_mm)?;
         let dims = grid.tile_dims();
         let masks = (0..grid.tiles().len())
@@ -150,6 +154,7 @@ impl Surface {
             ));
         }
         let dims = size.map(|s| s.div_ceil(TILE as u32));
+        SurfaceIndex::check_size(dims)?;
         let index = SurfaceIndex::new(dims, &rows_of(dims, &voxels))?;
         Ok(Self { frame, voxels: voxels.into(), normals, index })
     }
@@ -368,6 +373,13 @@ mod tests {
         assert!(make(&[[1, 1, 0]], &[up; 2]).is_err());
         assert!(make(&[[1, 1, 0]], &[[0.0, 0.0, 0.9]]).is_err());
         assert!(make(&[[1, 1, 0]], &[[f32::NAN, 0.0, 1.0]]).is_err());
+    }
+
+    #[test]
+    fn a_frame_of_edge_tiles_only_is_refused_before_allocation() {
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [1 << 20, 1 << 20, 1]).unwrap();
+        let result = Surface::from_parts(frame, vec![[5, 5, 0]], vec![[0.0, 0.0, 1.0]]);
+        assert!(matches!(result, Err(VoxelError::Unsupported { .. })));
     }
 
     #[test]

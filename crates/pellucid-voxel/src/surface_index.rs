@@ -5,6 +5,8 @@ use crate::{TILE, VoxelError};
 
 /// Marks a tile without surface voxels.
 const NO_SLOT: u32 = u32::MAX;
+/// Most tiles of a grid. A frame of the most voxels has half of these unless it is all edges.
+const MAX_TILES: u64 = 1 << 29;
 
 /// Position of each surface voxel in the list ordered by (z, y, x). Tiles with surface voxels hold
 /// one word a row of 16: the list position of the row's first surface voxel and a bit a voxel.
@@ -20,9 +22,21 @@ pub(crate) struct SurfaceIndex {
 }
 
 impl SurfaceIndex {
+    /// The number of tiles, when it is one this index handles.
+    pub(crate) fn check_size(tile_dims: [u32; 3]) -> Result<usize, VoxelError> {
+        let tiles: u64 = tile_dims.iter().map(|&d| u64::from(d)).product();
+        if tiles > MAX_TILES {
+            return Err(VoxelError::unsupported(
+                "frame size",
+                format!("{tiles} tiles, more than {MAX_TILES}; use a coarser pitch or a smaller object"),
+            ));
+        }
+        Ok(tiles as usize)
+    }
+
     /// Builds the index from the surface rows of each tile that has any, ascending by tile index.
     pub(crate) fn new(tile_dims: [u32; 3], tiles: &[(u32, [u16; ROWS])]) -> Result<Self, VoxelError> {
-        let tile_count = tile_dims.iter().map(|&d| d as usize).product();
+        let tile_count = Self::check_size(tile_dims)?;
         let mut slots = vec![NO_SLOT; tile_count];
         let mut rows = vec![0u64; tiles.len() * ROWS];
         for (slot, (tile, _)) in tiles.iter().enumerate() {
