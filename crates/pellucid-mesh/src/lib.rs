@@ -7,6 +7,7 @@
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
 //! | [`repair`] | what is wrong with a mesh: [`MeshReport`] |
 //! | [`voxelise`] | solid voxels by generalised winding number |
+//! | [`thickness`] | where a print is thin: [`ThicknessReport`] |
 //! | [`target`] | the colour of each surface voxel |
 //! | [`error`] | [`MeshError`] |
 //!
@@ -24,6 +25,7 @@ pub mod repair;
 mod shapes;
 pub mod target;
 pub mod texture;
+pub mod thickness;
 mod topology;
 pub mod voxelise;
 mod weld;
@@ -35,4 +37,5 @@ pub use model::{BaseColor, Model, Note, Triangle, Vertex};
 pub use repair::MeshReport;
 pub use target::surface_colors;
 pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
+pub use thickness::{ThicknessReport, ThinRegion};
 pub use voxelise::{Placement, Scale, Voxelised, VoxeliseOptions, voxelise};
