@@ -2,6 +2,9 @@
 
 use pellucid_voxel::MaterialTable;
 
+use pellucid_voxel::sat::tables::LANES;
+
+use crate::kernel::{Kernel, Rows, Sums};
 use crate::{StencilError, StencilSpec};
 
 /// What is held for each cell.
@@ -34,9 +37,9 @@ pub struct Coefficients {
     features: Features,
     materials: usize,
     channels: usize,
-    /// Ordered `[material][value]`, the values of a channel in a row.
+    /// Ordered `[material][value]`, the values of a channel side by side, zeros up to `width`.
     rows: Vec<f64>,
-    /// Values of a cell over the distinct channels.
+    /// Values of a cell over the distinct channels, rounded up to a multiple of eight.
     width: usize,
     /// For each channel asked for, which distinct one it repeats.
     distinct: Vec<usize>,
@@ -71,7 +74,7 @@ impl Coefficients {
             });
             distinct.push(at);
         }
-        let width = kept.len() * features.len();
+        let width = (kept.len() * features.len()).next_multiple_of(8);
         let mut rows = Vec::with_capacity(table.len() * width);
         for m in table.materials() {
             for &channel in &kept {
@@ -80,6 +83,7 @@ impl Coefficients {
                     rows.push(1.0);
                 }
             }
+            rows.resize(rows.len().next_multiple_of(width), 0.0);
         }
         Ok(Self { features, materials: table.len(), channels: channels.len(), rows, width, distinct })
     }
@@ -121,32 +125,41 @@ impl Coefficients {
     /// # Panics
     /// When a slice has another length than the spec asks for.
     pub fn convert(&self, spec: &StencilSpec, counts: &[u32], out: &mut [f32]) {
-        let level_counts = spec.cells_per_level() * self.materials;
-        assert_eq!(counts.len(), spec.levels() * level_counts, "counts of one point");
+        let (cells, m) = (spec.cells_per_level(), self.materials);
+        assert_eq!(counts.len(), spec.levels() * cells * m, "counts of one point");
         assert_eq!(out.len(), self.values_per_point(spec), "descriptor of one point");
-        for (level, counts) in counts.chunks_exact(level_counts).enumerate() {
-            self.convert_level(spec, level, counts, out);
+        let mut sums = vec![Sums::default(); m.div_ceil(LANES) * cells];
+        let mut scratch = Vec::new();
+        for (level, counts) in counts.chunks_exact(cells * m).enumerate() {
+            for (cell, counts) in counts.chunks_exact(m).enumerate() {
+                for (group, counts) in counts.chunks(LANES).enumerate() {
+                    sums[group * cells + cell][..counts.len()].copy_from_slice(counts);
+                }
+            }
+            self.convert_level(Kernel::detect(), spec, level, &sums, &mut scratch, out);
         }
     }
 
-    /// Converts one level's counts, ordered `[cell][material]`, into a whole point's descriptor.
-    pub(crate) fn convert_level(&self, spec: &StencilSpec, level: usize, counts: &[u32], out: &mut [f32]) {
+    /// Converts one level's counts, ordered `[group][cell]`, into a whole point's descriptor.
+    pub(crate) fn convert_level(
+        &self,
+        kernel: Kernel,
+        spec: &StencilSpec,
+        level: usize,
+        counts: &[Sums],
+        scratch: &mut Vec<f32>,
+        out: &mut [f32],
+    ) {
         let f = self.features.len();
-        let (cells, factor) = (spec.cells_per_level(), spec.level_factor(level));
+        let cells = spec.cells_per_level();
         let per_channel = spec.cells_in_all() * f;
-        let mut sums = vec![0.0; self.width];
-        for (cell, counts) in counts.chunks_exact(self.materials).enumerate() {
-            sums.fill(0.0);
-            for (&count, row) in counts.iter().zip(self.rows.chunks_exact(self.width)) {
-                for (sum, value) in sums.iter_mut().zip(row) {
-                    *sum += f64::from(count) * value;
-                }
-            }
-            for (channel, &distinct) in self.distinct.iter().enumerate() {
-                let to = channel * per_channel + (level * cells + cell) * f;
-                for (out, sum) in out[to..to + f].iter_mut().zip(&sums[distinct * f..]) {
-                    *out = (sum * factor) as f32;
-                }
+        scratch.resize(cells * self.width, 0.0);
+        let rows = Rows { values: &self.rows, width: self.width, factor: spec.level_factor(level) };
+        kernel.features(&rows, self.materials, counts, scratch);
+        for (channel, &distinct) in self.distinct.iter().enumerate() {
+            let to = &mut out[channel * per_channel + level * cells * f..][..cells * f];
+            for (to, from) in to.chunks_exact_mut(f).zip(scratch.chunks_exact(self.width)) {
+                to.copy_from_slice(&from[distinct * f..(distinct + 1) * f]);
             }
         }
     }

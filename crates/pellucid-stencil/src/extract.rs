@@ -6,8 +6,8 @@ use pellucid_voxel::sat::tables::LANES;
 use pellucid_voxel::{Control, CountSat, LabelGrid, TILE};
 use rayon::prelude::*;
 
-use crate::axis::Axis;
-use crate::kernel::{Plane, Sums, corner_sums};
+use crate::axis::{Axis, Extent};
+use crate::kernel::{Kernel, Plane, Sums};
 use crate::{Coefficients, StencilError, StencilSpec};
 
 /// Points extracted together: enough for neighbours to share table entries in the nearest cache.
@@ -36,10 +36,8 @@ pub struct Stencils<'a> {
     grid: &'a LabelGrid,
     sat: &'a CountSat,
     bounds: Option<([u32; 3], [u32; 3])>,
+    kernel: Kernel,
 }
-
-/// Where the counts of a level go: once a point and level.
-type LevelSink<'s> = &'s mut dyn FnMut(usize, &[u32]);
 
 impl<'a> Stencils<'a> {
     /// The stencils of `grid`, whose table is `sat`.
@@ -53,7 +51,7 @@ impl<'a> Stencils<'a> {
                 format!("{:?} voxels for a grid of {:?}; build it from this grid", sat.size(), grid.size()),
             ));
         }
-        Ok(Self { spec, grid, sat, bounds: sat.bounds() })
+        Ok(Self { spec, grid, sat, bounds: sat.bounds(), kernel: Kernel::detect() })
     }
 
     /// The geometry.
@@ -90,8 +88,8 @@ impl<'a> Stencils<'a> {
             ));
         }
         let row = coefficients.values_per_point(&self.spec);
-        self.run(points, out, row, control, |level, counts, out| {
-            coefficients.convert_level(&self.spec, level, counts, out);
+        self.run(points, out, row, control, |level, counts, scratch, out| {
+            coefficients.convert_level(self.kernel, &self.spec, level, counts, scratch, out);
         })
     }
 
@@ -108,10 +106,14 @@ impl<'a> Stencils<'a> {
         out: &mut [u32],
         control: &Control,
     ) -> Result<(), StencilError> {
-        let row = self.spec.cells_in_all() * self.sat.materials();
-        let part = self.spec.cells_per_level() * self.sat.materials();
-        self.run(points, out, row, control, |level, counts, out: &mut [u32]| {
-            out[level * part..(level + 1) * part].copy_from_slice(counts);
+        let (cells, m) = (self.spec.cells_per_level(), self.sat.materials());
+        self.run(points, out, self.spec.cells_in_all() * m, control, |level, counts, _, out| {
+            let out = &mut out[level * cells * m..(level + 1) * cells * m];
+            for (cell, out) in out.chunks_exact_mut(m).enumerate() {
+                for (group, out) in out.chunks_mut(LANES).enumerate() {
+                    out.copy_from_slice(&counts[group * cells + cell][..out.len()]);
+                }
+            }
         })
     }
 
@@ -123,7 +125,7 @@ impl<'a> Stencils<'a> {
         out: &mut [T],
         row: usize,
         control: &Control,
-        sink: impl Fn(usize, &[u32], &mut [T]) + Sync,
+        sink: impl Fn(usize, &[Sums], &mut Vec<f32>, &mut [T]) + Sync,
     ) -> Result<(), StencilError> {
         let size = self.grid.size();
         if let Some(p) = points.iter().find(|p| (0..3).any(|a| p[a] >= size[a])) {
@@ -145,11 +147,24 @@ impl<'a> Stencils<'a> {
         let done = AtomicU64::new(0);
         let total = points.len() as u64;
         rows.par_chunk_by_mut(|a, b| tile(&a.0) == tile(&b.0)).try_for_each(|group| {
-            for batch in group.chunks_mut(BATCH) {
+            let mut work = Workspace::default();
+            let groups = self.sat.groups().len();
+            let cells = self.spec.cells_per_level();
+            for batch in group.chunks_mut((BATCH / groups).max(1)) {
                 control.check()?;
-                let at: Vec<[u32; 3]> = batch.iter().map(|(p, _)| *p).collect();
+                work.points.clear();
+                work.points.extend(batch.iter().map(|(p, _)| *p));
+                work.counts.clear();
+                work.counts.resize(batch.len() * groups * cells, Sums::default());
                 for level in 0..self.spec.levels() {
-                    self.level_counts(level, &at, &mut |p, counts| sink(level, counts, batch[p].1));
+                    if level == 0 {
+                        self.first_level(&work.points, &mut work.counts);
+                    } else {
+                        self.coarse_level(level, &mut work);
+                    }
+                    for ((_, out), counts) in batch.iter_mut().zip(work.counts.chunks_exact(groups * cells)) {
+                        sink(level, counts, &mut work.scratch, out);
+                    }
                 }
                 control.advance(&done, batch.len() as u64, total);
             }
@@ -157,36 +172,21 @@ impl<'a> Stencils<'a> {
         })
     }
 
-    /// Hands `sink` each point's counts at a level, ordered `[cell][material]`.
-    fn level_counts(&self, level: usize, points: &[[u32; 3]], sink: LevelSink) {
-        let materials = self.sat.materials();
-        let cells = self.spec.cells_per_level();
-        let mut counts = vec![0u32; points.len() * cells * materials];
-        if level == 0 {
-            self.first_level(points, &mut counts);
-        } else {
-            self.coarse_level(level, points, &mut counts);
-        }
-        for (p, counts) in counts.chunks_exact(cells * materials).enumerate() {
-            sink(p, counts);
-        }
-    }
-
     /// Cells of single voxels, read from the labels.
-    fn first_level(&self, points: &[[u32; 3]], counts: &mut [u32]) {
-        let materials = self.sat.materials();
+    fn first_level(&self, points: &[[u32; 3]], counts: &mut [Sums]) {
+        let cells = self.spec.cells_per_level();
         let [nx, ny, nz] = self.spec.cells();
         let offset = |i: usize, n: usize| i as i64 - (n / 2) as i64;
-        let mut cells = counts.chunks_exact_mut(materials);
-        for p in points {
+        counts.fill(Sums::default());
+        for (p, counts) in points.iter().zip(counts.chunks_exact_mut(self.sat.groups().len() * cells)) {
             let p = p.map(i64::from);
             for z in 0..nz {
                 for y in 0..ny {
                     for x in 0..nx {
                         let at = [p[0] + offset(x, nx), p[1] + offset(y, ny), p[2] + offset(z, nz)];
-                        let label = self.grid.at(at);
-                        if let (Some(cell), true) = (cells.next(), label > 0) {
-                            cell[usize::from(label) - 1] = self.spec.full_count(0);
+                        if let Some(m) = usize::from(self.grid.at(at)).checked_sub(1) {
+                            let cell = self.spec.cell_index([x, y, z]);
+                            counts[m / LANES * cells + cell][m % LANES] = self.spec.full_count(0);
                         }
                     }
                 }
@@ -194,24 +194,27 @@ impl<'a> Stencils<'a> {
         }
     }
 
-    /// Cells of two and more voxels, from the summed-area table; `counts` are zero at first.
-    fn coarse_level(&self, level: usize, points: &[[u32; 3]], counts: &mut [u32]) {
-        let Some((low, high)) = self.bounds else { return };
-        let cells = self.spec.cells();
+    /// Cells of two and more voxels, from the summed-area table.
+    fn coarse_level(&self, level: usize, work: &mut Workspace) {
+        let Workspace { points, counts, sums, columns, .. } = work;
+        let Some((low, high)) = self.bounds else { return counts.fill(Sums::default()) };
+        let n = self.spec.cells();
         let edge = self.spec.cell_edge(level);
+        let size = self.grid.size();
+        let strides = self.sat.groups()[0].strides();
         let axes: [Axis; 3] = std::array::from_fn(|a| {
-            Axis::new(cells[a], edge, (low[a], high[a]), points.iter().map(|p| p[a]))
+            let extent = Extent { size: size[a], low: low[a], high: high[a], stride: strides[a] };
+            Axis::new(n[a], edge, extent, points.iter().map(|p| p[a]))
         });
         if axes.iter().any(Axis::beyond) {
-            return;
+            return counts.fill(Sums::default());
         }
-        let materials = self.sat.materials();
-        let [nx, ny, nz] = cells;
-        let per_plane = (nx + 1) * (ny + 1);
-        let mut sums = vec![Sums::default(); points.len() * per_plane];
-        let mut before = vec![Sums::default(); points.len() * nx * ny];
-        for (g, tables) in self.sat.groups().iter().enumerate() {
-            let lanes = (materials - g * LANES).min(LANES);
+        let [nx, ny, nz] = n;
+        let (per_plane, layer, cells) = ((nx + 1) * (ny + 1), nx * ny, nx * ny * nz);
+        sums.resize(points.len() * per_plane, Sums::default());
+        columns.resize(points.len() * layer, Sums::default());
+        let groups = self.sat.groups();
+        for (g, tables) in groups.iter().enumerate() {
             for k in 0..=nz {
                 let plane = Plane {
                     tables,
@@ -219,30 +222,28 @@ impl<'a> Stencils<'a> {
                     ys: (0..=ny).map(|j| axes[1].corner(j)).collect(),
                     z: axes[2].corner(k),
                 };
-                corner_sums(&plane, &mut sums);
-                for (p, (sums, before)) in
-                    sums.chunks_exact(per_plane).zip(before.chunks_exact_mut(nx * ny)).enumerate()
+                self.kernel.corner_sums(&plane, sums);
+                for (p, (sums, columns)) in
+                    sums.chunks_exact(per_plane).zip(columns.chunks_exact_mut(layer)).enumerate()
                 {
-                    for j in 0..ny {
-                        for i in 0..nx {
-                            let at = j * (nx + 1) + i;
-                            let (a, b, c, d) =
-                                (&sums[at], &sums[at + 1], &sums[at + nx + 1], &sums[at + nx + 2]);
-                            let column: Sums = std::array::from_fn(|m| {
-                                d[m].wrapping_sub(c[m]).wrapping_sub(b[m]).wrapping_add(a[m])
-                            });
-                            let prior = std::mem::replace(&mut before[j * nx + i], column);
-                            if k > 0 {
-                                let cell = ((p * nz + k - 1) * ny + j) * nx + i;
-                                let to = &mut counts[cell * materials + g * LANES..][..lanes];
-                                for (m, to) in to.iter_mut().enumerate() {
-                                    *to = column[m].wrapping_sub(prior[m]);
-                                }
-                            }
-                        }
-                    }
+                    let start = (p * groups.len() + g) * cells;
+                    let between = k.checked_sub(1).map(|k| &mut counts[start + k * layer..][..layer]);
+                    self.kernel.cell_counts(nx, sums, columns, between);
                 }
             }
         }
     }
+}
+
+/// Buffers of one thread, reused from batch to batch.
+#[derive(Default)]
+struct Workspace {
+    points: Vec<[u32; 3]>,
+    /// Ordered `[point][group][cell]`.
+    counts: Vec<Sums>,
+    /// Ordered `[point][y corner][x corner]`.
+    sums: Vec<Sums>,
+    /// Ordered `[point][y cell][x cell]`.
+    columns: Vec<Sums>,
+    scratch: Vec<f32>,
 }

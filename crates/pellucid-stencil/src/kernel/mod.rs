@@ -1,15 +1,21 @@
-//! Sums at cell corners, for one plane of corners and a batch of points at a time.
+//! Sums at cell corners, for one plane of corners and a batch of points at a time, and the
+//! conversion of counts to features.
 //!
 //! A corner of a level above the first lies half a voxel off the voxel corners. The sum there, in
 //! eighths of a voxel, is the sum of the table over the 2 x 2 x 2 voxel corners around it.
+//!
+//! The AVX-512 form is chosen at run time; the scalar form is its twin under the same tests. All
+//! unsafe code of the crate is in [`avx512`].
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod scalar;
 
-use pellucid_voxel::sat::tables::{CountTables, Lanes};
+use pellucid_voxel::sat::tables::CountTables;
 
 use crate::axis::Position;
 
-/// Sums of the five materials of a group and three spare lanes.
+/// Sums of the five materials of a group; the three spare lanes are undefined.
 pub(crate) type Sums = [u32; 8];
 
 /// The corners of one plane: positions ordered `[corner][point]` along x and y, `[point]` along z.
@@ -20,14 +26,63 @@ pub(crate) struct Plane<'a> {
     pub z: &'a [Position],
 }
 
-/// Fills `sums`, ordered `[point][y corner][x corner]`. Where the plane counts the same as the one
-/// before it, that one's sums must still be in place.
-pub(crate) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
-    scalar::corner_sums(plane, sums);
+/// Coefficients ordered `[material][value]`, each row padded with zeros to a multiple of eight.
+pub(crate) struct Rows<'a> {
+    pub values: &'a [f64],
+    pub width: usize,
+    /// Power of two that every value is multiplied by.
+    pub factor: f64,
 }
 
-/// Widens a group's counts.
-pub(crate) fn widened(lanes: Lanes) -> Sums {
-    let [a, b, c, d, e] = lanes;
-    [a, b, c, d, e, 0, 0, 0]
+/// Which form of the kernels runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kernel {
+    Scalar,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
+
+impl Kernel {
+    /// The fastest form that this machine runs.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if avx512::available() {
+            return Kernel::Avx512;
+        }
+        Kernel::Scalar
+    }
+
+    /// Fills `sums`, ordered `[point][y corner][x corner]`. Where the plane counts the same as the
+    /// one before it, that one's sums must still be in place.
+    pub fn corner_sums(self, plane: &Plane, sums: &mut [Sums]) {
+        match self {
+            Kernel::Scalar => scalar::corner_sums(plane, sums),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => avx512::corner_sums(plane, sums),
+        }
+    }
+
+    /// Differences of one point's plane of corner sums, `nx + 1` by `ny + 1`, against the plane
+    /// before: `columns` holds the latter's differences and gets the new ones, `cells` gets the
+    /// counts of the cells between.
+    pub fn cell_counts(self, nx: usize, sums: &[Sums], columns: &mut [Sums], cells: Option<&mut [Sums]>) {
+        match self {
+            Kernel::Scalar => scalar::cell_counts(nx, sums, columns, cells),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => avx512::cell_counts(nx, sums, columns, cells),
+        }
+    }
+
+    /// Adds up counts times coefficients for each cell: `counts` ordered `[group][cell]`, `out`
+    /// ordered `[cell][value]` with padded rows.
+    pub fn features(self, rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
+        match self {
+            Kernel::Scalar => scalar::features(rows, materials, counts, out),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => avx512::features(rows, materials, counts, out),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

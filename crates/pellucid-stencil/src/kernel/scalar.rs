@@ -1,43 +1,164 @@
-//! The plain form: eight look-ups a corner.
+//! The plain form of the kernels.
 
 use pellucid_voxel::TILE;
+use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables};
 
-use super::{Plane, Sums, widened};
+use super::{Plane, Rows, Sums};
 use crate::axis::{Kind, Position};
 
 pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
     let (nx, ny) = (plane.xs.len(), plane.ys.len());
-    for (p, sums) in sums.chunks_exact_mut(nx * ny).enumerate() {
-        match plane.z[p].kind {
-            Kind::Zero => sums.fill([0; 8]),
-            Kind::Same => {}
-            Kind::Fresh => {
-                for j in 0..ny {
-                    for i in 0..nx {
-                        let (x, y) = (&plane.xs[i][p], &plane.ys[j][p]);
-                        sums[j * nx + i] = match (x.kind, y.kind) {
-                            (Kind::Zero, _) | (_, Kind::Zero) => [0; 8],
-                            (Kind::Same, _) => sums[j * nx + i - 1],
-                            (_, Kind::Same) => sums[(j - 1) * nx + i],
-                            _ => around(plane, [x, y, &plane.z[p]]),
-                        };
-                    }
+    let strides = plane.tables.strides();
+    for j in 0..ny {
+        for i in 0..nx {
+            for (p, sums) in sums.chunks_exact_mut(nx * ny).enumerate() {
+                let at = [&plane.xs[i][p], &plane.ys[j][p], &plane.z[p]];
+                let to = j * nx + i;
+                match at.map(|a| a.kind) {
+                    [_, _, Kind::Same] => {}
+                    kinds if kinds.contains(&Kind::Zero) => sums[to] = [0; 8],
+                    [Kind::Same, ..] => sums[to] = sums[to - 1],
+                    [_, Kind::Same, _] => sums[to] = sums[to - nx],
+                    _ => sums[to] = around(plane.tables, strides, at),
                 }
             }
         }
     }
 }
 
+/// The part of a 2 x 2 x 2 cluster of voxel corners that lies in one tile, along one axis: at
+/// `local` and, where `two`, at `local + 1`.
+#[derive(Clone, Copy)]
+struct Part {
+    local: usize,
+    two: bool,
+    before: u32,
+}
+
 /// The sum over the voxel corners around a corner.
-fn around(plane: &Plane, at: [&Position; 3]) -> Sums {
-    let base = at.map(|p| p.tile * TILE as u32 + u32::from(p.local));
-    let mut sum = [0u32; 8];
-    for step in 0..8u32 {
-        let corner = std::array::from_fn(|a| base[a] + (step >> a & 1));
-        let counts = widened(plane.tables.prefix(corner));
-        for (sum, count) in sum.iter_mut().zip(counts) {
-            *sum = sum.wrapping_add(count);
+fn around(tables: &CountTables, strides: [usize; 3], at: [&Position; 3]) -> Sums {
+    let mut sum = [0; 8];
+    let record: usize = at.iter().map(|p| p.record as usize).sum();
+    let split: [bool; 3] = std::array::from_fn(|a| usize::from(at[a].local) == INNER);
+    for step in 0..8usize {
+        if (0..3).any(|a| step >> a & 1 == 1 && !split[a]) {
+            continue;
         }
+        let mut at_record = record;
+        let parts = std::array::from_fn(|a| {
+            if step >> a & 1 == 1 {
+                at_record += strides[a];
+                Part { local: 0, two: false, before: 0 }
+            } else {
+                Part { local: at[a].local.into(), two: !split[a], before: at[a].before.into() }
+            }
+        });
+        within_tile(tables, &tables.records()[at_record], parts, &mut sum);
     }
     sum
 }
+
+/// Adds the sum over the voxel corners that lie in one tile.
+fn within_tile(tables: &CountTables, record: &TileRecord, parts: [Part; 3], sum: &mut Sums) {
+    let count = parts.map(|p| 1 + u32::from(p.two));
+    let before = parts.map(|p| p.before);
+    for axis in 0..3 {
+        let (u, v) = [(1, 2), (0, 2), (0, 1)][axis];
+        let part = parts[axis];
+        let edges = &record.edges[axis];
+        let mut line = edges[part.local];
+        if part.two {
+            add(&mut line, &edges[part.local + 1]);
+        }
+        add_times(sum, &line, count[u] * count[v]);
+        add_times(sum, &record.depth[axis], count[axis] * before[u] * before[v]);
+        let bars = &tables.table(record.behind[axis]).bars[axis];
+        add_times(sum, &bar(bars, parts[u], parts[v]), count[axis]);
+    }
+    if record.table == 0 {
+        add_times(sum, &record.fill, before.iter().product());
+    } else {
+        local(tables.table(record.table), parts, sum);
+    }
+}
+
+/// Table positions, offset 0 being none, of a part.
+fn entries(part: Part) -> std::ops::Range<usize> {
+    part.local.saturating_sub(1)..if part.two { part.local + 1 } else { part.local }
+}
+
+fn bar(bars: &[Lanes; BAR], u: Part, v: Part) -> Lanes {
+    let mut out = [0; LANES];
+    for row in entries(v) {
+        for entry in &bars[row * INNER..(row + 1) * INNER][entries(u)] {
+            add(&mut out, entry);
+        }
+    }
+    out
+}
+
+fn local(tables: &TileTables, [x, y, z]: [Part; 3], sum: &mut Sums) {
+    // Sums of eight 12-bit counts need 15 bits: every other material, 24 bits apart.
+    const LANE: u64 = (1 << LANE_BITS) - 1;
+    const EVEN: u64 = LANE | LANE << (2 * LANE_BITS) | 0xffff << (4 * LANE_BITS);
+    const ODD: u64 = LANE | LANE << (2 * LANE_BITS);
+    let (mut even, mut odd) = (0u64, 0u64);
+    for lz in entries(z) {
+        for ly in entries(y) {
+            for word in &tables.local[(lz * INNER + ly) * INNER..][..INNER][entries(x)] {
+                even += word & EVEN;
+                odd += word >> LANE_BITS & ODD;
+            }
+        }
+    }
+    let wide = |word: u64, at: u32| (word >> (2 * LANE_BITS * at) & 0xff_ffff) as u32;
+    add_times(sum, &[wide(even, 0), wide(odd, 0), wide(even, 1), wide(odd, 1), wide(even, 2)], 1);
+}
+
+fn add(to: &mut Lanes, counts: &Lanes) {
+    for (to, count) in to.iter_mut().zip(counts) {
+        *to = to.wrapping_add(*count);
+    }
+}
+
+fn add_times(to: &mut Sums, counts: &Lanes, times: u32) {
+    for (to, count) in to.iter_mut().zip(counts) {
+        *to = to.wrapping_add(count.wrapping_mul(times));
+    }
+}
+
+#[inline(always)]
+pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], mut cells: Option<&mut [Sums]>) {
+    for (j, row) in columns.chunks_exact_mut(nx).enumerate() {
+        let near = &sums[j * (nx + 1)..(j + 1) * (nx + 1)];
+        let far = &sums[(j + 1) * (nx + 1)..(j + 2) * (nx + 1)];
+        for (i, column) in row.iter_mut().enumerate() {
+            let new: Sums = std::array::from_fn(|m| {
+                far[i + 1][m].wrapping_sub(far[i][m]).wrapping_sub(near[i + 1][m]).wrapping_add(near[i][m])
+            });
+            if let Some(cells) = &mut cells {
+                cells[j * nx + i] = std::array::from_fn(|m| new[m].wrapping_sub(column[m]));
+            }
+            *column = new;
+        }
+    }
+}
+
+pub(super) fn features(rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
+    let cells = out.len() / rows.width;
+    let mut sums = vec![0.0; rows.width];
+    for (cell, out) in out.chunks_exact_mut(rows.width).enumerate() {
+        sums.fill(0.0);
+        for (m, row) in rows.values.chunks_exact(rows.width).take(materials).enumerate() {
+            let count = f64::from(counts[m / LANES * cells + cell][m % LANES]);
+            for (sum, value) in sums.iter_mut().zip(row) {
+                *sum += count * value;
+            }
+        }
+        for (out, sum) in out.iter_mut().zip(&sums) {
+            *out = (sum * rows.factor) as f32;
+        }
+    }
+}
+
+const _: () = assert!(TILE == INNER + 1);

@@ -200,7 +200,7 @@ impl CountTables {
 
     /// Sets what lies behind each tile along each axis.
     pub(super) fn link(&mut self) {
-        let strides = [1, self.dims[0], self.dims[0] * self.dims[1]];
+        let strides = self.strides();
         for at in 0..self.records.len() {
             let t = self.record_tile(at);
             for axis in 0..3 {

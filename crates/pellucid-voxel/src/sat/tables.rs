@@ -97,6 +97,11 @@ impl CountTables {
         &self.records
     }
 
+    /// How far apart the records of neighbouring tiles lie along `[x, y, z]`.
+    pub fn strides(&self) -> [usize; 3] {
+        [1, self.dims[0], self.dims[0] * self.dims[1]]
+    }
+
     /// The tables at a position named by a record.
     ///
     /// # Panics

@@ -1,0 +1,94 @@
+//! Every form of the kernels gives the scalar form's bits.
+
+use pellucid_voxel::sat::tables::LANES;
+use pellucid_voxel::{Control, CountSat, Frame, LabelGrid, Pitch, TILE_VOXELS, Tile};
+use proptest::prelude::*;
+
+use super::*;
+use crate::axis::{Axis, Extent};
+
+fn forms() -> Vec<Kernel> {
+    let detected = Kernel::detect();
+    if detected == Kernel::Scalar { vec![] } else { vec![detected] }
+}
+
+fn grid(size: [u32; 3], seed: u64) -> LabelGrid {
+    let frame = Frame::new([0.0; 3], Pitch::j750(), size).unwrap();
+    LabelGrid::from_tiles(frame, |t| {
+        let h = (t[0] + 5 * t[1] + 11 * t[2]) as u64 ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let h = h.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20;
+        if h % 3 == 0 {
+            return Tile::Constant((h >> 8) as u8 % 7);
+        }
+        let mut tile = Box::new([0; TILE_VOXELS]);
+        for (i, label) in tile.iter_mut().enumerate() {
+            *label = ((h + i as u64).wrapping_mul(0xc4ce_b9fe_1a85_ec53) >> 40) as u8 % 7;
+        }
+        Tile::Dense(tile)
+    })
+}
+
+fn lanes(sums: &[Sums]) -> Vec<&[u32]> {
+    sums.iter().map(|s| &s[..LANES]).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn corner_sums_agree(
+        size in [1u32..70, 1u32..70, 1u32..70],
+        seed: u64,
+        level in 1usize..7,
+        picks in prop::collection::vec([any::<u32>(), any::<u32>(), any::<u32>()], 1..9),
+    ) {
+        let grid = grid(size, seed);
+        let sat = CountSat::build(&grid, 6, &Control::none()).unwrap();
+        let Some((low, high)) = sat.bounds() else { return Ok(()) };
+        for tables in sat.groups() {
+            let axes: [Axis; 3] = std::array::from_fn(|a| {
+                let extent = Extent { size: size[a], low: low[a], high: high[a], stride: tables.strides()[a] };
+                Axis::new([5, 3, 9][a], 1 << level, extent, picks.iter().map(|p| p[a] % size[a]))
+            });
+            let mut expected = vec![Sums::default(); picks.len() * 24];
+            let mut sums = expected.clone();
+            for k in 0..10 {
+                let plane = Plane {
+                    tables,
+                    xs: (0..6).map(|i| axes[0].corner(i)).collect(),
+                    ys: (0..4).map(|j| axes[1].corner(j)).collect(),
+                    z: axes[2].corner(k),
+                };
+                Kernel::Scalar.corner_sums(&plane, &mut expected);
+                for form in forms() {
+                    form.corner_sums(&plane, &mut sums);
+                    prop_assert_eq!(lanes(&sums), lanes(&expected), "{:?}", form);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn features_and_differences_agree(
+        counts in prop::collection::vec(any::<[u32; 8]>(), 24..=24),
+        values in prop::collection::vec(prop_oneof![0f32..30.0, Just(0.0), Just(1e-12), Just(1e6), Just(f32::MIN_POSITIVE)], 96..=96),
+        exponent in -30i32..0,
+    ) {
+        let counts: Vec<Sums> = counts.iter().map(|c| c.map(|n| n >> 5)).collect();
+        let values: Vec<f64> = values.into_iter().map(f64::from).collect();
+        let rows = Rows { values: &values, width: 16, factor: f64::powi(2.0, exponent) };
+        let mut expected = vec![0.0; 12 * 16];
+        Kernel::Scalar.features(&rows, 6, &counts, &mut expected);
+        for form in forms() {
+            let mut out = vec![0.0; expected.len()];
+            form.features(&rows, 6, &counts, &mut out);
+            let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&out), bits(&expected));
+            let (mut columns, mut cells) = (counts[..15].to_vec(), vec![Sums::default(); 15]);
+            let (mut same_columns, mut same_cells) = (columns.clone(), cells.clone());
+            Kernel::Scalar.cell_counts(5, &counts, &mut columns, Some(&mut cells));
+            form.cell_counts(5, &counts, &mut same_columns, Some(&mut same_cells));
+            prop_assert_eq!((columns, cells), (same_columns, same_cells));
+        }
+    }
+}
