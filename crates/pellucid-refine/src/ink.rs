@@ -13,6 +13,9 @@ pub trait InkModel: Sync {
     /// `rgb`, also out of gamut; continuous.
     fn fractions(&self, rgb: [f32; 3], fractions: &mut [f32]) -> [f32; 3];
 
+    /// The media-relative linear RGB of a mixture, one fraction per label of [`InkModel::labels`].
+    fn color(&self, fractions: &[f32]) -> [f32; 3];
+
     /// The printable colour a target is mapped to before refinement (gamut mapping, which may
     /// differ from the nearest colour of [`InkModel::fractions`]).
     fn gamut_map(&self, rgb: [f32; 3]) -> [f32; 3];

@@ -6,16 +6,23 @@
 //! 2021, section 2.3).
 #![forbid(unsafe_code)]
 
+mod demand;
 pub mod error;
+pub mod gamut_ink;
+mod halftone;
 pub mod ink;
 pub mod mask;
 pub mod predictor;
+pub mod refinement;
 pub mod report;
 pub mod settings;
+mod smoothing;
 
 pub use error::{PredictError, RefineError};
+pub use gamut_ink::GamutInk;
 pub use ink::InkModel;
 pub use mask::BlueNoiseMask;
 pub use predictor::{AppearancePredictor, Scene};
+pub use refinement::{RefineInput, Refined, refine};
 pub use report::{ErrorStats, IterationReport, RefineReport};
 pub use settings::RefineSettings;

@@ -1,0 +1,67 @@
+//! The `pellucid` command.
+#![forbid(unsafe_code)]
+
+mod prepare;
+mod progress;
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{Parser, Subcommand};
+
+/// Set by Ctrl-C; long work looks at it and ends cleanly.
+static CANCEL: AtomicBool = AtomicBool::new(false);
+
+/// Prepares full-colour 3D prints whose colours survive the resin's translucency.
+#[derive(Parser)]
+#[command(name = "pellucid", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Turn a textured glTF model into printable slices, a soft proof and an error report
+    Prepare(prepare::Args),
+}
+
+/// How a command ended early.
+enum Failure {
+    /// Ctrl-C.
+    Cancelled,
+    /// Everything else, as a message for the user.
+    Error(String),
+}
+
+impl From<pellucid::PrintError> for Failure {
+    fn from(error: pellucid::PrintError) -> Self {
+        if error.is_cancelled() { Failure::Cancelled } else { Failure::Error(error.to_string()) }
+    }
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    // Without a handler Ctrl-C still ends the process; only the tidying up is lost.
+    if let Err(error) = ctrlc::set_handler(|| {
+        if CANCEL.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    }) {
+        eprintln!("warning: Ctrl-C will not tidy up: {error}");
+    }
+    let result = match cli.command {
+        Command::Prepare(args) => prepare::run(&args, &CANCEL),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Cancelled) => {
+            eprintln!("cancelled; nothing was written");
+            ExitCode::from(130)
+        }
+        Err(Failure::Error(message)) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}

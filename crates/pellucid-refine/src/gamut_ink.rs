@@ -1,0 +1,72 @@
+//! The colour crate's gamut as an ink model.
+
+use pellucid_color::space::{Lab, lab_of_linear_rgb};
+use pellucid_color::{Gamut, delta_e_2000};
+use pellucid_voxel::MaterialTable;
+
+use crate::InkModel;
+
+/// A [`Gamut`] with its materials in halftone order: darkest first, white last, so that the union of the
+/// darkest few is as evenly spread as each alone.
+pub struct GamutInk<'a> {
+    gamut: &'a Gamut,
+    labels: Vec<u8>,
+}
+
+impl<'a> GamutInk<'a> {
+    /// Orders the materials that `gamut` was built of by the luminance of a thick block.
+    pub fn new(gamut: &'a Gamut, materials: &MaterialTable) -> Self {
+        let model = gamut.model();
+        let luminance = |label: u8| {
+            let pure = pellucid_color::Fractions::pure(usize::from(label) - 1, model.materials());
+            let [r, g, b] = model.relative_rgb(&pure);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        let white = model.white() as u8 + 1;
+        let mut labels: Vec<u8> = (1..=materials.len().min(model.materials()) as u8).filter(|&l| l != white).collect();
+        labels.sort_by(|&a, &b| luminance(a).total_cmp(&luminance(b)));
+        labels.push(white);
+        Self { gamut, labels }
+    }
+}
+
+impl InkModel for GamutInk<'_> {
+    fn labels(&self) -> &[u8] {
+        &self.labels
+    }
+
+    fn media_white(&self) -> [f32; 3] {
+        self.gamut.model().media_white().map(|v| v as f32)
+    }
+
+    fn fractions(&self, rgb: [f32; 3], fractions: &mut [f32]) -> [f32; 3] {
+        let mixture = self.gamut.fractions(rgb);
+        for (slot, &label) in fractions.iter_mut().zip(&self.labels) {
+            *slot = mixture[usize::from(label) - 1];
+        }
+        self.gamut.model().relative_rgb(&mixture).map(|v| v as f32)
+    }
+
+    fn color(&self, fractions: &[f32]) -> [f32; 3] {
+        let mut ordered = [0.0; 256];
+        for (&fraction, &label) in fractions.iter().zip(&self.labels) {
+            ordered[usize::from(label) - 1] = fraction;
+        }
+        self.gamut.model().relative_rgb(&ordered[..self.labels.len()]).map(|v| v as f32)
+    }
+
+    fn gamut_map(&self, rgb: [f32; 3]) -> [f32; 3] {
+        self.gamut.map(rgb).rgb
+    }
+
+    fn lab(&self, rgb: [f32; 3]) -> [f32; 3] {
+        let mut out = [[0.0; 3]];
+        lab_of_linear_rgb(&[rgb], &mut out);
+        out[0]
+    }
+
+    fn delta_e(&self, a: [f32; 3], b: [f32; 3]) -> f32 {
+        let lab = |v: [f32; 3]| Lab { l: f64::from(v[0]), a: f64::from(v[1]), b: f64::from(v[2]) };
+        delta_e_2000(lab(a), lab(b)) as f32
+    }
+}
