@@ -4,6 +4,8 @@
 //! | --- | --- |
 //! | [`volume`] | a label grid and its surface, arranged in bricks for look-ups |
 //! | [`tracer`] | radiance at surface points |
+//! | [`analytic`], [`walk`] | boxes and spheres in double precision, the kernel's reference |
+//! | [`cases`] | reference cases in JSON, analytic and voxelised (feature `cases`) |
 //! | [`options`] | boundary, samples, instruction set |
 //! | [`phase`], [`fresnel`] | Henyey-Greenstein scattering, dielectric reflection |
 //!
@@ -11,7 +13,10 @@
 //! going inward along -n and ends on leaving the object. It lies within 0..=1.
 #![deny(unsafe_code)]
 
+pub mod analytic;
 mod bricks;
+#[cfg(feature = "cases")]
+pub mod cases;
 mod clearance;
 mod coefficients;
 pub mod error;
@@ -24,9 +29,12 @@ mod rng;
 mod tally;
 pub mod tracer;
 pub mod volume;
+pub mod walk;
 
+pub use analytic::{AnalyticScene, Estimate, Medium, Shape};
 pub use error::TraceError;
 pub use fresnel::internal_reflectance;
 pub use options::{Backend, Boundary, RefractiveIndex, TraceOptions, Tracking};
 pub use tracer::Tracer;
 pub use volume::Volume;
+pub use walk::Optics;
