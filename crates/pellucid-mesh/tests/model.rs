@@ -80,8 +80,8 @@ fn colour_is_the_mean_over_the_footprint_of_a_stretched_texture() {
             unfiltered = unfiltered.max((at(x, z, 0.0) - mean).abs());
         }
     }
-    // Mip levels are boxes on a grid, so some error is left; without them it is several times larger.
-    assert!(worst < 0.09 && unfiltered > 3.0 * worst, "{worst} filtered, {unfiltered} not");
+    // Mip levels are boxes on a grid, so some error is left; without them it is ten times larger.
+    assert!(worst < 0.03 && unfiltered > 10.0 * worst, "{worst} filtered, {unfiltered} not");
 }
 
 #[test]
