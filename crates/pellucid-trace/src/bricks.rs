@@ -164,7 +164,7 @@ impl Bricks {
     }
 
     /// Brick number and voxel within it, at a position that counts the margin.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn locate(&self, v: [u32; 3]) -> (u32, u32) {
         let b = v.map(|c| c / BRICK as u32);
         let at =
@@ -173,7 +173,7 @@ impl Bricks {
     }
 
     /// The byte of a voxel at a position that counts the margin; 0, air, past its end.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn byte(&self, v: [u32; 3]) -> u8 {
         if (0..3).any(|a| v[a] >= self.dims[a] * BRICK as u32) {
             return 0;

@@ -9,7 +9,7 @@ use crate::coefficients::Coefficients;
 use crate::kernel::{self, Batch};
 use crate::tally::Tally;
 use crate::volume::{Start, Volume};
-use crate::{Backend, Boundary, TraceError, TraceOptions, rng};
+use crate::{Backend, TraceError, TraceOptions, rng};
 
 /// Paths traced by one task between looks at the cancellation flag.
 const PATHS_PER_TASK: usize = 1 << 14;
@@ -150,10 +150,7 @@ impl<'a> Tracer<'a> {
         let done = AtomicU64::new(0);
         // Few points with many samples are split by sample, many points by point.
         let points_per_task = (PATHS_PER_TASK / spp.max(1)).clamp(1, 4096);
-        let index = match self.options.boundary {
-            Boundary::Matched => None,
-            Boundary::Dielectric(n) => Some(n.get() as f32),
-        };
+        let index = self.options.boundary.index() as f32;
         points
             .par_chunks(points_per_task)
             .zip(tallies.par_chunks_mut(points_per_task * channels))

@@ -125,7 +125,7 @@ impl Volume {
     }
 
     /// Smooth outward normal of a voxel at a position that counts the margin.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn normal(&self, v: [u32; 3]) -> Option<[f32; 3]> {
         let (brick, local) = self.bricks.locate(v);
         self.normals.get(brick.wrapping_sub(SHARED), local)
@@ -182,7 +182,7 @@ impl Normals {
         Self { mask, first, normals }
     }
 
-    #[inline]
+    #[inline(always)]
     fn get(&self, brick: u32, local: u32) -> Option<[f32; 3]> {
         let mask = *self.mask.get(brick as usize)?;
         let bit = 1u64 << local;
