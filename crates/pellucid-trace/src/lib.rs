@@ -6,6 +6,7 @@
 //! | [`tracer`] | radiance at surface points |
 //! | [`analytic`], [`walk`] | boxes and spheres in double precision, the kernel's reference |
 //! | [`cases`] | reference cases in JSON, analytic and voxelised (feature `cases`) |
+//! | [`adaptive`] | radiance to a target standard error |
 //! | [`options`] | boundary, samples, instruction set |
 //! | [`phase`], [`fresnel`] | Henyey-Greenstein scattering, dielectric reflection |
 //!
@@ -13,6 +14,7 @@
 //! going inward along -n and ends on leaving the object. It lies within 0..=1.
 #![deny(unsafe_code)]
 
+pub mod adaptive;
 pub mod analytic;
 mod bricks;
 #[cfg(feature = "cases")]
@@ -31,6 +33,7 @@ pub mod tracer;
 pub mod volume;
 pub mod walk;
 
+pub use adaptive::ErrorTarget;
 pub use analytic::{AnalyticScene, Estimate, Medium, Shape};
 pub use error::TraceError;
 pub use fresnel::internal_reflectance;

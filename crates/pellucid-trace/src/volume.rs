@@ -72,7 +72,7 @@ impl Volume {
     /// Takes over new materials from a grid whose solid voxels are those this volume was built of.
     ///
     /// # Errors
-    /// [`TraceError::Invalid`] when the grid lies in another frame or its surface bricks differ,
+    /// [`TraceError::Invalid`] when the grid lies in another frame or its solid voxels differ,
     /// otherwise as [`Volume::new`]. The volume is unchanged after an error.
     pub fn set_labels(&mut self, grid: &LabelGrid, control: &Control<'_>) -> Result<(), TraceError> {
         if *grid.frame() != self.frame {
@@ -80,7 +80,7 @@ impl Volume {
         }
         control.check()?;
         let bricks = Bricks::build(grid, &self.clearance)?;
-        if bricks.surface != self.bricks.surface {
+        if !bricks.same_shape(&self.bricks) {
             return Err(TraceError::invalid("label grid", "its solid voxels differ; build a new volume"));
         }
         self.bricks = bricks;
