@@ -1,7 +1,8 @@
 //! From material counts to features.
 
-use pellucid_voxel::MaterialTable;
+use std::ops::Range;
 
+use pellucid_voxel::MaterialTable;
 use pellucid_voxel::sat::tables::LANES;
 
 use crate::kernel::{Kernel, Rows, Sums};
@@ -136,28 +137,34 @@ impl Coefficients {
                     sums[group * cells + cell][..counts.len()].copy_from_slice(counts);
                 }
             }
-            self.convert_level(Kernel::detect(), spec, level, &sums, &mut scratch, out);
+            let cells = level * cells..(level + 1) * cells;
+            self.convert_cells(Kernel::detect(), spec, cells, &sums, &mut scratch, out);
         }
     }
 
-    /// Converts one level's counts, ordered `[group][cell]`, into a whole point's descriptor.
-    pub(crate) fn convert_level(
+    /// Converts the counts of some cells of a level, ordered `[group][cell]`, numbered over all
+    /// levels, into a whole point's descriptor.
+    pub(crate) fn convert_cells(
         &self,
         kernel: Kernel,
         spec: &StencilSpec,
-        level: usize,
+        cells: Range<usize>,
         counts: &[Sums],
         scratch: &mut Vec<f32>,
         out: &mut [f32],
     ) {
         let f = self.features.len();
-        let cells = spec.cells_per_level();
         let per_channel = spec.cells_in_all() * f;
-        scratch.resize(cells * self.width, 0.0);
-        let rows = Rows { values: &self.rows, width: self.width, factor: spec.level_factor(level) };
-        kernel.features(&rows, self.materials, counts, scratch);
+        let factor = spec.level_factor(cells.start / spec.cells_per_level());
+        scratch.resize(cells.len() * self.width, 0.0);
+        kernel.features(
+            &Rows { values: &self.rows, width: self.width, factor },
+            self.materials,
+            counts,
+            scratch,
+        );
         for (channel, &distinct) in self.distinct.iter().enumerate() {
-            let to = &mut out[channel * per_channel + level * cells * f..][..cells * f];
+            let to = &mut out[channel * per_channel..][cells.start * f..cells.end * f];
             for (to, from) in to.chunks_exact_mut(f).zip(scratch.chunks_exact(self.width)) {
                 to.copy_from_slice(&from[distinct * f..(distinct + 1) * f]);
             }

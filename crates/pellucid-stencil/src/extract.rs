@@ -1,5 +1,6 @@
 //! Extraction for batches of points.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
 use pellucid_voxel::sat::tables::LANES;
@@ -8,10 +9,14 @@ use rayon::prelude::*;
 
 use crate::axis::{Axis, Extent};
 use crate::kernel::{Kernel, Plane, Sums};
+use crate::window::{self, Window};
 use crate::{Coefficients, StencilError, StencilSpec};
 
 /// Points extracted together: enough for neighbours to share table entries in the nearest cache.
-const BATCH: usize = 64;
+const BATCH: usize = 384;
+/// What an entry of a window costs to make, and a corner to look up, in the same unit.
+const ENTRY_COST: usize = 1;
+const CORNER_COST: usize = 20;
 
 /// Extracts the stencils of one volume.
 ///
@@ -88,8 +93,8 @@ impl<'a> Stencils<'a> {
             ));
         }
         let row = coefficients.values_per_point(&self.spec);
-        self.run(points, out, row, control, |level, counts, scratch, out| {
-            coefficients.convert_level(self.kernel, &self.spec, level, counts, scratch, out);
+        self.run(points, out, row, control, |cells, counts, scratch, out| {
+            coefficients.convert_cells(self.kernel, &self.spec, cells, counts, scratch, out);
         })
     }
 
@@ -106,26 +111,25 @@ impl<'a> Stencils<'a> {
         out: &mut [u32],
         control: &Control,
     ) -> Result<(), StencilError> {
-        let (cells, m) = (self.spec.cells_per_level(), self.sat.materials());
-        self.run(points, out, self.spec.cells_in_all() * m, control, |level, counts, _, out| {
-            let out = &mut out[level * cells * m..(level + 1) * cells * m];
-            for (cell, out) in out.chunks_exact_mut(m).enumerate() {
+        let m = self.sat.materials();
+        self.run(points, out, self.spec.cells_in_all() * m, control, |cells, counts, _, out| {
+            for (cell, out) in out[cells.start * m..cells.end * m].chunks_exact_mut(m).enumerate() {
                 for (group, out) in out.chunks_mut(LANES).enumerate() {
-                    out.copy_from_slice(&counts[group * cells + cell][..out.len()]);
+                    out.copy_from_slice(&counts[group * cells.len() + cell][..out.len()]);
                 }
             }
         })
     }
 
-    /// Sorts the points into batches of neighbours, and hands `sink` the counts of every point and
-    /// level with the point's row of `out`.
+    /// Sorts the points into batches of neighbours, and hands `sink` ranges of each point's cells
+    /// over all levels with their counts, ordered `[group][cell]`, and the point's row of `out`.
     fn run<T: Send>(
         &self,
         points: &[[u32; 3]],
         out: &mut [T],
         row: usize,
         control: &Control,
-        sink: impl Fn(usize, &[Sums], &mut Vec<f32>, &mut [T]) + Sync,
+        sink: impl Fn(Range<usize>, &[Sums], &mut Vec<f32>, &mut [T]) + Sync,
     ) -> Result<(), StencilError> {
         let size = self.grid.size();
         if let Some(p) = points.iter().find(|p| (0..3).any(|a| p[a] >= size[a])) {
@@ -146,76 +150,120 @@ impl<'a> Stencils<'a> {
         });
         let done = AtomicU64::new(0);
         let total = points.len() as u64;
-        rows.par_chunk_by_mut(|a, b| tile(&a.0) == tile(&b.0)).try_for_each(|group| {
-            let mut work = Workspace::default();
-            let groups = self.sat.groups().len();
-            let cells = self.spec.cells_per_level();
-            for batch in group.chunks_mut((BATCH / groups).max(1)) {
-                control.check()?;
-                work.points.clear();
-                work.points.extend(batch.iter().map(|(p, _)| *p));
-                work.counts.clear();
-                work.counts.resize(batch.len() * groups * cells, Sums::default());
-                for level in 0..self.spec.levels() {
-                    if level == 0 {
-                        self.first_level(&work.points, &mut work.counts);
-                    } else {
-                        self.coarse_level(level, &mut work);
+        let groups = self.sat.groups().len();
+        rows.par_chunk_by_mut(|a, b| tile(&a.0) == tile(&b.0)).try_for_each_init(
+            Workspace::default,
+            |work, rows| {
+                for batch in rows.chunks_mut((BATCH / groups).max(1)) {
+                    control.check()?;
+                    work.points.clear();
+                    work.points.extend(batch.iter().map(|(p, _)| *p));
+                    let fine = self.fine_levels(&work.points);
+                    self.window_levels(fine, work, |p, cells, counts, scratch| {
+                        sink(cells, counts, scratch, batch[p].1);
+                    });
+                    for level in fine..self.spec.levels() {
+                        self.coarse_level(level, work, |p, cells, counts, scratch| {
+                            sink(cells, counts, scratch, batch[p].1);
+                        });
                     }
-                    for ((_, out), counts) in batch.iter_mut().zip(work.counts.chunks_exact(groups * cells)) {
-                        sink(level, counts, &mut work.scratch, out);
-                    }
+                    control.advance(&done, batch.len() as u64, total);
                 }
-                control.advance(&done, batch.len() as u64, total);
-            }
-            Ok(())
-        })
+                Ok(())
+            },
+        )
     }
 
-    /// Cells of single voxels, read from the labels.
-    fn first_level(&self, points: &[[u32; 3]], counts: &mut [Sums]) {
-        let cells = self.spec.cells_per_level();
+    /// How many levels of some neighbouring points are cheaper from a window around them than from
+    /// the summed-area table; at least the first, which is read from the labels.
+    fn fine_levels(&self, points: &[[u32; 3]]) -> usize {
+        let corners: usize = self.spec.cells().iter().map(|n| n + 1).product();
+        let mut fine = 1;
+        for level in 1..self.spec.levels() {
+            if self.spec.full_count(level) > window::MAX_COUNT {
+                break;
+            }
+            let entries = Window::entries(&self.spec, level, points);
+            if entries * ENTRY_COST <= points.len() * corners * level * CORNER_COST {
+                fine = level + 1;
+            }
+        }
+        fine
+    }
+
+    /// The levels below `fine`, from a window around the points.
+    fn window_levels(
+        &self,
+        fine: usize,
+        work: &mut Workspace,
+        mut sink: impl FnMut(usize, Range<usize>, &[Sums], &mut Vec<f32>),
+    ) {
+        let Workspace { points, counts, scratch, window, .. } = work;
+        let (cells, groups) = (self.spec.cells_per_level(), self.sat.groups().len());
+        window.read(self.grid, &self.spec, fine - 1, points);
+        if fine > 1 {
+            window.sum(self.kernel, groups);
+        }
+        counts.clear();
+        counts.resize(groups * cells, Sums::default());
         let [nx, ny, nz] = self.spec.cells();
-        let offset = |i: usize, n: usize| i as i64 - (n / 2) as i64;
-        counts.fill(Sums::default());
-        for (p, counts) in points.iter().zip(counts.chunks_exact_mut(self.sat.groups().len() * cells)) {
-            let p = p.map(i64::from);
+        for (i, p) in points.iter().enumerate() {
+            counts.fill(Sums::default());
+            let low = [nx, ny, nz].map(|n| (n / 2) as i64);
             for z in 0..nz {
                 for y in 0..ny {
-                    for x in 0..nx {
-                        let at = [p[0] + offset(x, nx), p[1] + offset(y, ny), p[2] + offset(z, nz)];
-                        if let Some(m) = usize::from(self.grid.at(at)).checked_sub(1) {
-                            let cell = self.spec.cell_index([x, y, z]);
-                            counts[m / LANES * cells + cell][m % LANES] = self.spec.full_count(0);
+                    let steps = [0, y as i64, z as i64];
+                    let start = std::array::from_fn(|a| i64::from(p[a]) - low[a] + steps[a]);
+                    let first = self.spec.cell_index([0, y, z]);
+                    for (x, &label) in window.label_row(start, nx).iter().enumerate() {
+                        if let Some(m) = usize::from(label).checked_sub(1) {
+                            counts[m / LANES * cells + first + x][m % LANES] = self.spec.full_count(0);
                         }
                     }
                 }
             }
+            sink(i, 0..cells, counts, scratch);
+            for level in 1..fine {
+                for (g, counts) in counts.chunks_exact_mut(cells).enumerate() {
+                    window.cell_counts(self.kernel, &self.spec, level, g, *p, counts);
+                }
+                sink(i, level * cells..(level + 1) * cells, counts, scratch);
+            }
         }
     }
 
-    /// Cells of two and more voxels, from the summed-area table.
-    fn coarse_level(&self, level: usize, work: &mut Workspace) {
-        let Workspace { points, counts, sums, columns, .. } = work;
-        let Some((low, high)) = self.bounds else { return counts.fill(Sums::default()) };
+    /// Cells of two and more voxels, from the summed-area table, layer by layer.
+    fn coarse_level(
+        &self,
+        level: usize,
+        work: &mut Workspace,
+        mut sink: impl FnMut(usize, Range<usize>, &[Sums], &mut Vec<f32>),
+    ) {
+        let Workspace { points, counts, sums, columns, scratch, .. } = work;
         let n = self.spec.cells();
+        let (cells, first) = (self.spec.cells_per_level(), level * self.spec.cells_per_level());
+        let groups = self.sat.groups();
         let edge = self.spec.cell_edge(level);
         let size = self.grid.size();
-        let strides = self.sat.groups()[0].strides();
+        let strides = groups[0].strides();
+        let (low, high) = self.bounds.unwrap_or_default();
         let axes: [Axis; 3] = std::array::from_fn(|a| {
             let extent = Extent { size: size[a], low: low[a], high: high[a], stride: strides[a] };
             Axis::new(n[a], edge, extent, points.iter().map(|p| p[a]))
         });
-        if axes.iter().any(Axis::beyond) {
-            return counts.fill(Sums::default());
+        if self.bounds.is_none() || axes.iter().any(Axis::beyond) {
+            counts.clear();
+            counts.resize(groups.len() * cells, Sums::default());
+            (0..points.len()).for_each(|p| sink(p, first..first + cells, counts, scratch));
+            return;
         }
         let [nx, ny, nz] = n;
-        let (per_plane, layer, cells) = ((nx + 1) * (ny + 1), nx * ny, nx * ny * nz);
-        sums.resize(points.len() * per_plane, Sums::default());
-        columns.resize(points.len() * layer, Sums::default());
-        let groups = self.sat.groups();
-        for (g, tables) in groups.iter().enumerate() {
-            for k in 0..=nz {
+        let (per_plane, layer) = ((nx + 1) * (ny + 1), nx * ny);
+        sums.resize(groups.len() * points.len() * per_plane, Sums::default());
+        columns.resize(points.len() * groups.len() * layer, Sums::default());
+        counts.resize(groups.len() * layer, Sums::default());
+        for k in 0..=nz {
+            for (tables, sums) in groups.iter().zip(sums.chunks_exact_mut(points.len() * per_plane)) {
                 let plane = Plane {
                     tables,
                     xs: (0..=nx).map(|i| axes[0].corner(i)).collect(),
@@ -223,12 +271,17 @@ impl<'a> Stencils<'a> {
                     z: axes[2].corner(k),
                 };
                 self.kernel.corner_sums(&plane, sums);
-                for (p, (sums, columns)) in
-                    sums.chunks_exact(per_plane).zip(columns.chunks_exact_mut(layer)).enumerate()
+            }
+            for (p, columns) in columns.chunks_exact_mut(groups.len() * layer).enumerate() {
+                for (g, (columns, counts)) in
+                    columns.chunks_exact_mut(layer).zip(counts.chunks_exact_mut(layer)).enumerate()
                 {
-                    let start = (p * groups.len() + g) * cells;
-                    let between = k.checked_sub(1).map(|k| &mut counts[start + k * layer..][..layer]);
-                    self.kernel.cell_counts(nx, sums, columns, between);
+                    let sums = &sums[(g * points.len() + p) * per_plane..][..per_plane];
+                    self.kernel.cell_counts(nx, sums, columns, counts);
+                }
+                if k > 0 {
+                    let start = first + (k - 1) * layer;
+                    sink(p, start..start + layer, counts, scratch);
                 }
             }
         }
@@ -239,11 +292,12 @@ impl<'a> Stencils<'a> {
 #[derive(Default)]
 struct Workspace {
     points: Vec<[u32; 3]>,
-    /// Ordered `[point][group][cell]`.
+    /// Counts of one point, ordered `[group][cell]`.
     counts: Vec<Sums>,
-    /// Ordered `[point][y corner][x corner]`.
+    /// Ordered `[group][point][y corner][x corner]`.
     sums: Vec<Sums>,
-    /// Ordered `[point][y cell][x cell]`.
+    /// Ordered `[point][group][y cell][x cell]`.
     columns: Vec<Sums>,
     scratch: Vec<f32>,
+    window: Window,
 }

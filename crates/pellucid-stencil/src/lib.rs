@@ -24,6 +24,7 @@ pub mod extract;
 mod kernel;
 pub mod octants;
 pub mod spec;
+mod window;
 
 pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;

@@ -14,6 +14,7 @@ mod scalar;
 use pellucid_voxel::sat::tables::CountTables;
 
 use crate::axis::Position;
+use crate::window;
 
 /// Sums of the five materials of a group; the three spare lanes are undefined.
 pub(crate) type Sums = [u32; 8];
@@ -65,11 +66,36 @@ impl Kernel {
     /// Differences of one point's plane of corner sums, `nx + 1` by `ny + 1`, against the plane
     /// before: `columns` holds the latter's differences and gets the new ones, `cells` gets the
     /// counts of the cells between.
-    pub fn cell_counts(self, nx: usize, sums: &[Sums], columns: &mut [Sums], cells: Option<&mut [Sums]>) {
+    pub fn cell_counts(self, nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mut [Sums]) {
         match self {
             Kernel::Scalar => scalar::cell_counts(nx, sums, columns, cells),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx512 => avx512::cell_counts(nx, sums, columns, cells),
+        }
+    }
+
+    /// [`window::sum_labels`].
+    pub fn window_sums(
+        self,
+        size: [usize; 3],
+        labels: &[u8],
+        units: &[u64; 256],
+        pair: &mut Vec<u64>,
+        sums: &mut [u64],
+    ) {
+        match self {
+            Kernel::Scalar => window::sum_labels(size, labels, units, pair, sums),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => avx512::window_sums(size, labels, units, pair, sums),
+        }
+    }
+
+    /// [`window::cells_between`].
+    pub fn window_cells(self, n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
+        match self {
+            Kernel::Scalar => window::cells_between(n, strides, sums, cells),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512 => avx512::window_cells(n, strides, sums, cells),
         }
     }
 

@@ -8,7 +8,6 @@ use crate::axis::{Kind, Position};
 
 pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
     let (nx, ny) = (plane.xs.len(), plane.ys.len());
-    let strides = plane.tables.strides();
     for j in 0..ny {
         for i in 0..nx {
             for (p, sums) in sums.chunks_exact_mut(nx * ny).enumerate() {
@@ -19,7 +18,10 @@ pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
                     kinds if kinds.contains(&Kind::Zero) => sums[to] = [0; 8],
                     [Kind::Same, ..] => sums[to] = sums[to - 1],
                     [_, Kind::Same, _] => sums[to] = sums[to - nx],
-                    _ => sums[to] = around(plane.tables, strides, at),
+                    _ => {
+                        let record = at.iter().map(|p| p.record as usize).sum();
+                        sums[to] = around(plane.tables, record, at);
+                    }
                 }
             }
         }
@@ -36,9 +38,9 @@ struct Part {
 }
 
 /// The sum over the voxel corners around a corner.
-fn around(tables: &CountTables, strides: [usize; 3], at: [&Position; 3]) -> Sums {
+pub(super) fn around(tables: &CountTables, record: usize, at: [&Position; 3]) -> Sums {
     let mut sum = [0; 8];
-    let record: usize = at.iter().map(|p| p.record as usize).sum();
+    let strides = tables.strides();
     let split: [bool; 3] = std::array::from_fn(|a| usize::from(at[a].local) == INNER);
     for step in 0..8usize {
         if (0..3).any(|a| step >> a & 1 == 1 && !split[a]) {
@@ -128,7 +130,7 @@ fn add_times(to: &mut Sums, counts: &Lanes, times: u32) {
 }
 
 #[inline(always)]
-pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], mut cells: Option<&mut [Sums]>) {
+pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mut [Sums]) {
     for (j, row) in columns.chunks_exact_mut(nx).enumerate() {
         let near = &sums[j * (nx + 1)..(j + 1) * (nx + 1)];
         let far = &sums[(j + 1) * (nx + 1)..(j + 2) * (nx + 1)];
@@ -136,9 +138,7 @@ pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], mut ce
             let new: Sums = std::array::from_fn(|m| {
                 far[i + 1][m].wrapping_sub(far[i][m]).wrapping_sub(near[i + 1][m]).wrapping_add(near[i][m])
             });
-            if let Some(cells) = &mut cells {
-                cells[j * nx + i] = std::array::from_fn(|m| new[m].wrapping_sub(column[m]));
-            }
+            cells[j * nx + i] = std::array::from_fn(|m| new[m].wrapping_sub(column[m]));
             *column = new;
         }
     }
