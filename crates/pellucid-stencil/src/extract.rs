@@ -13,7 +13,7 @@ use crate::window::{self, Window};
 use crate::{Coefficients, StencilError, StencilSpec};
 
 /// Points extracted together: enough for neighbours to share table entries in the nearest cache.
-const BATCH: usize = 384;
+const BATCH: usize = 1024;
 /// What an entry of a window costs to make, and a corner to look up, in the same unit.
 const ENTRY_COST: usize = 1;
 const CORNER_COST: usize = 20;
@@ -42,6 +42,8 @@ pub struct Stencils<'a> {
     sat: &'a CountSat,
     bounds: Option<([u32; 3], [u32; 3])>,
     kernel: Kernel,
+    /// Levels that a window can hold.
+    fine_levels: usize,
 }
 
 impl<'a> Stencils<'a> {
@@ -56,7 +58,8 @@ impl<'a> Stencils<'a> {
                 format!("{:?} voxels for a grid of {:?}; build it from this grid", sat.size(), grid.size()),
             ));
         }
-        Ok(Self { spec, grid, sat, bounds: sat.bounds(), kernel: Kernel::detect() })
+        let fine_levels = (0..spec.levels()).filter(|&l| spec.full_count(l) <= window::MAX_COUNT).count();
+        Ok(Self { fine_levels, spec, grid, sat, bounds: sat.bounds(), kernel: Kernel::detect() })
     }
 
     /// The geometry.
@@ -93,8 +96,8 @@ impl<'a> Stencils<'a> {
             ));
         }
         let row = coefficients.values_per_point(&self.spec);
-        self.run(points, out, row, control, |cells, counts, scratch, out| {
-            coefficients.convert_cells(self.kernel, &self.spec, cells, counts, scratch, out);
+        self.run(points, out, row, control, |cells, counts, out| {
+            coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
         })
     }
 
@@ -112,7 +115,7 @@ impl<'a> Stencils<'a> {
         control: &Control,
     ) -> Result<(), StencilError> {
         let m = self.sat.materials();
-        self.run(points, out, self.spec.cells_in_all() * m, control, |cells, counts, _, out| {
+        self.run(points, out, self.spec.cells_in_all() * m, control, |cells, counts, out| {
             for (cell, out) in out[cells.start * m..cells.end * m].chunks_exact_mut(m).enumerate() {
                 for (group, out) in out.chunks_mut(LANES).enumerate() {
                     out.copy_from_slice(&counts[group * cells.len() + cell][..out.len()]);
@@ -129,7 +132,7 @@ impl<'a> Stencils<'a> {
         out: &mut [T],
         row: usize,
         control: &Control,
-        sink: impl Fn(Range<usize>, &[Sums], &mut Vec<f32>, &mut [T]) + Sync,
+        sink: impl Fn(Range<usize>, &[Sums], &mut [T]) + Sync,
     ) -> Result<(), StencilError> {
         let size = self.grid.size();
         if let Some(p) = points.iter().find(|p| (0..3).any(|a| p[a] >= size[a])) {
@@ -143,65 +146,55 @@ impl<'a> Stencils<'a> {
         }
         let mut rows: Vec<([u32; 3], &mut [T])> =
             points.iter().copied().zip(out.chunks_exact_mut(row)).collect();
-        let tile = |p: &[u32; 3]| p.map(|c| c / TILE as u32);
-        rows.par_sort_unstable_by_key(|(p, _)| {
-            let t = tile(p);
-            (t[2], t[1], t[0], p[2], p[1], p[0])
-        });
+        rows.par_sort_by_cached_key(|(p, _)| (along_curve(p.map(|c| c / TILE as u32)), p[2], p[1], p[0]));
         let done = AtomicU64::new(0);
         let total = points.len() as u64;
-        let groups = self.sat.groups().len();
-        rows.par_chunk_by_mut(|a, b| tile(&a.0) == tile(&b.0)).try_for_each_init(
-            Workspace::default,
-            |work, rows| {
-                for batch in rows.chunks_mut((BATCH / groups).max(1)) {
-                    control.check()?;
-                    work.points.clear();
-                    work.points.extend(batch.iter().map(|(p, _)| *p));
-                    let fine = self.fine_levels(&work.points);
-                    self.window_levels(fine, work, |p, cells, counts, scratch| {
-                        sink(cells, counts, scratch, batch[p].1);
-                    });
-                    for level in fine..self.spec.levels() {
-                        self.coarse_level(level, work, |p, cells, counts, scratch| {
-                            sink(cells, counts, scratch, batch[p].1);
-                        });
-                    }
-                    control.advance(&done, batch.len() as u64, total);
+        // Enough batches for every thread; the split changes no value.
+        let batch = points.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, BATCH);
+        let batch = (batch / self.sat.groups().len()).max(1);
+        rows.par_chunks_mut(batch).try_for_each_init(Workspace::default, |work, rows| {
+            let tile = |row: &([u32; 3], &mut [T])| row.0.map(|c| c / TILE as u32);
+            for rows in rows.chunk_by_mut(|a, b| tile(a) == tile(b)) {
+                control.check()?;
+                work.take_points(rows);
+                let fine = self.fine_levels(&work.points);
+                self.window_levels(0..fine, work, |p, cells, counts| sink(cells, counts, rows[p].1));
+                for level in fine..self.fine_levels {
+                    self.coarse_level(level, work, |p, cells, counts| sink(cells, counts, rows[p].1));
                 }
-                Ok(())
-            },
-        )
+            }
+            work.take_points(rows);
+            for level in self.fine_levels..self.spec.levels() {
+                control.check()?;
+                self.coarse_level(level, work, |p, cells, counts| sink(cells, counts, rows[p].1));
+            }
+            control.advance(&done, rows.len() as u64, total);
+            Ok(())
+        })
     }
 
-    /// How many levels of some neighbouring points are cheaper from a window around them than from
-    /// the summed-area table; at least the first, which is read from the labels.
+    /// How many levels of some points of a tile are cheaper from a window around them than from the
+    /// summed-area table; at least the first, which is read from the labels.
     fn fine_levels(&self, points: &[[u32; 3]]) -> usize {
         let corners: usize = self.spec.cells().iter().map(|n| n + 1).product();
-        let mut fine = 1;
-        for level in 1..self.spec.levels() {
-            if self.spec.full_count(level) > window::MAX_COUNT {
-                break;
-            }
+        let cheaper = |level: usize| {
             let entries = Window::entries(&self.spec, level, points);
-            if entries * ENTRY_COST <= points.len() * corners * level * CORNER_COST {
-                fine = level + 1;
-            }
-        }
-        fine
+            entries * ENTRY_COST <= points.len() * corners * level * CORNER_COST
+        };
+        (1..self.fine_levels).rev().find(|&level| cheaper(level)).unwrap_or(0) + 1
     }
 
-    /// The levels below `fine`, from a window around the points.
+    /// The first levels, from a window around the points.
     fn window_levels(
         &self,
-        fine: usize,
+        levels: Range<usize>,
         work: &mut Workspace,
-        mut sink: impl FnMut(usize, Range<usize>, &[Sums], &mut Vec<f32>),
+        mut sink: impl FnMut(usize, Range<usize>, &[Sums]),
     ) {
-        let Workspace { points, counts, scratch, window, .. } = work;
+        let Workspace { points, counts, window, .. } = work;
         let (cells, groups) = (self.spec.cells_per_level(), self.sat.groups().len());
-        window.read(self.grid, &self.spec, fine - 1, points);
-        if fine > 1 {
+        window.read(self.grid, &self.spec, levels.end - 1, points);
+        if levels.end > 1 {
             window.sum(self.kernel, groups);
         }
         counts.clear();
@@ -222,12 +215,12 @@ impl<'a> Stencils<'a> {
                     }
                 }
             }
-            sink(i, 0..cells, counts, scratch);
-            for level in 1..fine {
+            sink(i, 0..cells, counts);
+            for level in 1..levels.end {
                 for (g, counts) in counts.chunks_exact_mut(cells).enumerate() {
                     window.cell_counts(self.kernel, &self.spec, level, g, *p, counts);
                 }
-                sink(i, level * cells..(level + 1) * cells, counts, scratch);
+                sink(i, level * cells..(level + 1) * cells, counts);
             }
         }
     }
@@ -237,9 +230,9 @@ impl<'a> Stencils<'a> {
         &self,
         level: usize,
         work: &mut Workspace,
-        mut sink: impl FnMut(usize, Range<usize>, &[Sums], &mut Vec<f32>),
+        mut sink: impl FnMut(usize, Range<usize>, &[Sums]),
     ) {
-        let Workspace { points, counts, sums, columns, scratch, .. } = work;
+        let Workspace { points, counts, sums, columns, .. } = work;
         let n = self.spec.cells();
         let (cells, first) = (self.spec.cells_per_level(), level * self.spec.cells_per_level());
         let groups = self.sat.groups();
@@ -254,7 +247,7 @@ impl<'a> Stencils<'a> {
         if self.bounds.is_none() || axes.iter().any(Axis::beyond) {
             counts.clear();
             counts.resize(groups.len() * cells, Sums::default());
-            (0..points.len()).for_each(|p| sink(p, first..first + cells, counts, scratch));
+            (0..points.len()).for_each(|p| sink(p, first..first + cells, counts));
             return;
         }
         let [nx, ny, nz] = n;
@@ -281,11 +274,17 @@ impl<'a> Stencils<'a> {
                 }
                 if k > 0 {
                     let start = first + (k - 1) * layer;
-                    sink(p, start..start + layer, counts, scratch);
+                    sink(p, start..start + layer, counts);
                 }
             }
         }
     }
+}
+
+/// A position along a space-filling curve (Morton's), so that neighbours come close together.
+fn along_curve(tile: [u32; 3]) -> u64 {
+    let spread = |v: u32| (0..u32::BITS - 11).fold(0u64, |s, bit| s | u64::from(v >> bit & 1) << (3 * bit));
+    spread(tile[0]) | spread(tile[1]) << 1 | spread(tile[2]) << 2
 }
 
 /// Buffers of one thread, reused from batch to batch.
@@ -298,6 +297,12 @@ struct Workspace {
     sums: Vec<Sums>,
     /// Ordered `[point][group][y cell][x cell]`.
     columns: Vec<Sums>,
-    scratch: Vec<f32>,
     window: Window,
+}
+
+impl Workspace {
+    fn take_points<T>(&mut self, rows: &[([u32; 3], T)]) {
+        self.points.clear();
+        self.points.extend(rows.iter().map(|(p, _)| *p));
+    }
 }

@@ -35,8 +35,16 @@ pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], cells:
     checked!(cell_counts_avx512(nx, sums, columns, cells))
 }
 
-pub(super) fn features(rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
-    checked!(features_avx512(rows, materials, counts, out))
+pub(super) fn features(
+    rows: &Rows,
+    materials: usize,
+    at: usize,
+    counts: &[Sums],
+    cells: usize,
+    channels: [Option<usize>; 4],
+    out: &mut [f32],
+) {
+    checked!(features_avx512(rows, materials, at, counts, cells, channels, out))
 }
 
 pub(super) fn window_sums(
@@ -303,30 +311,56 @@ fn split(tables: &CountTables, record: usize, at: [&Position; 3]) -> __m256i {
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,fma")]
-fn features_avx512(rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
-    let (width, cells) = (rows.width, out.len() / rows.width);
-    assert!(width % 8 == 0 && rows.values.len() >= materials * width);
+fn features_avx512(
+    rows: &Rows,
+    materials: usize,
+    at: usize,
+    counts: &[Sums],
+    cells: usize,
+    channels: [Option<usize>; 4],
+    out: &mut [f32],
+) {
+    let f = rows.features;
+    assert!(f == 2 || f == 3);
+    assert!(at + 8 <= rows.width && rows.values.len() >= materials * rows.width);
     assert!(counts.len() >= materials.div_ceil(LANES) * cells);
+    assert!(channels.iter().flatten().all(|start| start + cells * f <= out.len()));
     let factor = _mm512_set1_pd(rows.factor);
-    for (cell, out) in out.chunks_exact_mut(width).enumerate() {
-        for at in (0..width).step_by(8) {
-            let mut sum = _mm512_setzero_pd();
-            for first in (0..materials).step_by(LANES) {
-                // SAFETY: a `Sums` is 32 bytes, and there is one a group and cell.
-                let lanes =
-                    unsafe { _mm256_loadu_si256(counts.as_ptr().add(first / LANES * cells + cell).cast()) };
-                let lanes = _mm512_cvtepu32_pd(lanes);
-                for m in 0..LANES.min(materials - first) {
-                    let count = _mm512_permutexvar_pd(_mm512_set1_epi64(m as i64), lanes);
-                    // SAFETY: row `first + m` has `width` values and eight are left.
-                    let row = unsafe { _mm512_loadu_pd(rows.values.as_ptr().add((first + m) * width + at)) };
-                    // Counts below 2^28 times f32 coefficients are exact: fusing changes no bit.
-                    sum = _mm512_fmadd_pd(count, row, sum);
+    let out = out.as_mut_ptr();
+    for cell in 0..cells {
+        let mut sum = _mm512_setzero_pd();
+        for first in (0..materials).step_by(LANES) {
+            // SAFETY: a `Sums` is 32 bytes, and there is one a group and cell.
+            let lanes =
+                unsafe { _mm256_loadu_si256(counts.as_ptr().add(first / LANES * cells + cell).cast()) };
+            let lanes = _mm512_cvtepu32_pd(lanes);
+            for m in 0..LANES.min(materials - first) {
+                let count = _mm512_permutexvar_pd(_mm512_set1_epi64(m as i64), lanes);
+                // SAFETY: each of the `materials` rows has eight values from `at` on.
+                let row = unsafe { _mm512_loadu_pd(rows.values.as_ptr().add((first + m) * rows.width + at)) };
+                // Counts below 2^28 times f32 coefficients are exact: fusing changes no bit.
+                sum = _mm512_fmadd_pd(count, row, sum);
+            }
+        }
+        let value = _mm512_cvtpd_ps(_mm512_mul_pd(sum, factor));
+        let halves = [_mm256_castps256_ps128(value), _mm256_extractf128_ps::<1>(value)];
+        // SAFETY: `f` values of each cell lie in `out` from each channel's start on.
+        unsafe {
+            for (half, channels) in halves.into_iter().zip(channels.chunks_exact(2)) {
+                if f == 2 {
+                    if let Some(start) = channels[0] {
+                        _mm_storel_pd(out.add(start + cell * 2).cast(), _mm_castps_pd(half));
+                    }
+                    if let Some(start) = channels[1] {
+                        _mm_storeh_pd(out.add(start + cell * 2).cast(), _mm_castps_pd(half));
+                    }
                 }
             }
-            let value = _mm512_cvtpd_ps(_mm512_mul_pd(sum, factor));
-            // SAFETY: `out` has `width` values and eight are left.
-            unsafe { _mm256_storeu_ps(out.as_mut_ptr().add(at), value) };
+            if f == 3 {
+                for (half, start) in halves.into_iter().zip(channels.iter().flatten()) {
+                    _mm_mask_storeu_ps(out.add(start + cell * 3), 7, half);
+                }
+            }
         }
     }
 }

@@ -27,10 +27,13 @@ pub(crate) struct Plane<'a> {
     pub z: &'a [Position],
 }
 
-/// Coefficients ordered `[material][value]`, each row padded with zeros to a multiple of eight.
+/// Coefficients ordered `[material][channel][lane]`, each row padded with zeros to a multiple of
+/// eight. A channel has `features` values in the next power of two of lanes.
 pub(crate) struct Rows<'a> {
     pub values: &'a [f64],
     pub width: usize,
+    /// 2 or 3.
+    pub features: usize,
     /// Power of two that every value is multiplied by.
     pub factor: f64,
 }
@@ -99,13 +102,28 @@ impl Kernel {
         }
     }
 
-    /// Adds up counts times coefficients for each cell: `counts` ordered `[group][cell]`, `out`
-    /// ordered `[cell][value]` with padded rows.
-    pub fn features(self, rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
-        match self {
-            Kernel::Scalar => scalar::features(rows, materials, counts, out),
-            #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => avx512::features(rows, materials, counts, out),
+    /// Adds up counts times coefficients: `counts` ordered `[group][cell]`, the features of the
+    /// `cells` cells in a row from each channel's start in `out`.
+    pub fn features(
+        self,
+        rows: &Rows,
+        materials: usize,
+        counts: &[Sums],
+        cells: usize,
+        starts: impl Iterator<Item = usize>,
+        out: &mut [f32],
+    ) {
+        let lanes = rows.features.next_power_of_two();
+        let mut starts = starts.fuse();
+        for at in (0..rows.width).step_by(8) {
+            // The channels in eight lanes: two or four, fewer at the end.
+            let channels: [Option<usize>; 4] =
+                std::array::from_fn(|i| if i < 8 / lanes { starts.next() } else { None });
+            match self {
+                Kernel::Scalar => scalar::features(rows, materials, at, counts, cells, channels, out),
+                #[cfg(target_arch = "x86_64")]
+                Kernel::Avx512 => avx512::features(rows, materials, at, counts, cells, channels, out),
+            }
         }
     }
 }

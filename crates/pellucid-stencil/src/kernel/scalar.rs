@@ -144,19 +144,30 @@ pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], cells:
     }
 }
 
-pub(super) fn features(rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
-    let cells = out.len() / rows.width;
-    let mut sums = vec![0.0; rows.width];
-    for (cell, out) in out.chunks_exact_mut(rows.width).enumerate() {
-        sums.fill(0.0);
+/// Features of the channels in the eight lanes from `at` on, each written from its start.
+pub(super) fn features(
+    rows: &Rows,
+    materials: usize,
+    at: usize,
+    counts: &[Sums],
+    cells: usize,
+    channels: [Option<usize>; 4],
+    out: &mut [f32],
+) {
+    let lanes = rows.features.next_power_of_two();
+    for cell in 0..cells {
+        let mut sums = [0.0; 8];
         for (m, row) in rows.values.chunks_exact(rows.width).take(materials).enumerate() {
             let count = f64::from(counts[m / LANES * cells + cell][m % LANES]);
-            for (sum, value) in sums.iter_mut().zip(row) {
+            for (sum, value) in sums.iter_mut().zip(&row[at..]) {
                 *sum += count * value;
             }
         }
-        for (out, sum) in out.iter_mut().zip(&sums) {
-            *out = (sum * rows.factor) as f32;
+        for (sums, start) in sums.chunks_exact(lanes).zip(channels.iter().flatten()) {
+            let out = &mut out[start + cell * rows.features..][..rows.features];
+            for (out, sum) in out.iter_mut().zip(sums) {
+                *out = (sum * rows.factor) as f32;
+            }
         }
     }
 }

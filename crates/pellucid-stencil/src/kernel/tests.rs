@@ -76,14 +76,18 @@ proptest! {
     ) {
         let counts: Vec<Sums> = counts.iter().map(|c| c.map(|n| n >> 5)).collect();
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
-        let rows = Rows { values: &values, width: 16, factor: f64::powi(2.0, exponent) };
-        let mut expected = vec![0.0; 12 * 16];
-        Kernel::Scalar.features(&rows, 6, &counts, &mut expected);
+        for (f, starts) in [(2, vec![0, 30, 60, 90, 200]), (3, vec![0, 40, 200]), (2, vec![7])] {
+            let rows = Rows { values: &values, width: 16, features: f, factor: f64::powi(2.0, exponent) };
+            let mut expected = vec![-1.0; 240];
+            Kernel::Scalar.features(&rows, 6, &counts, 12, starts.iter().copied(), &mut expected);
+            for form in forms() {
+                let mut out = vec![-1.0; expected.len()];
+                form.features(&rows, 6, &counts, 12, starts.iter().copied(), &mut out);
+                let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                prop_assert_eq!(bits(&out), bits(&expected));
+            }
+        }
         for form in forms() {
-            let mut out = vec![0.0; expected.len()];
-            form.features(&rows, 6, &counts, &mut out);
-            let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            prop_assert_eq!(bits(&out), bits(&expected));
             let (mut columns, mut cells) = (counts[..15].to_vec(), vec![Sums::default(); 15]);
             let (mut same_columns, mut same_cells) = (columns.clone(), cells.clone());
             Kernel::Scalar.cell_counts(5, &counts, &mut columns, &mut cells);
