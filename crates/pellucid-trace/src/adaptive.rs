@@ -57,7 +57,7 @@ impl Tracer<'_> {
         control: &Control<'_>,
     ) -> Result<u64, TraceError> {
         let limits = PILOT..=u32::MAX - PILOT;
-        if !(target.std_error > 0.0 && target.std_error.is_finite()) || !limits.contains(&target.max_spp) {
+        if !(target.std_error > 0.0 && target.std_error.is_finite() && limits.contains(&target.max_spp)) {
             return Err(TraceError::invalid(
                 "error target",
                 format!("{target:?}; the error must be positive and the limit at least {PILOT} paths"),

@@ -7,6 +7,7 @@
 //! | [`analytic`], [`walk`] | boxes and spheres in double precision, the kernel's reference |
 //! | [`cases`] | reference cases in JSON, analytic and voxelised (feature `cases`) |
 //! | [`adaptive`] | radiance to a target standard error |
+//! | [`assisted`] | few paths assisted by regression over surface patches; biased |
 //! | [`options`] | boundary, samples, instruction set |
 //! | [`phase`], [`fresnel`] | Henyey-Greenstein scattering, dielectric reflection |
 //!
@@ -16,6 +17,7 @@
 
 pub mod adaptive;
 pub mod analytic;
+pub mod assisted;
 mod bricks;
 #[cfg(feature = "cases")]
 pub mod cases;
@@ -23,6 +25,7 @@ mod clearance;
 mod coefficients;
 pub mod error;
 mod exit;
+mod features;
 pub mod fresnel;
 mod kernel;
 pub mod options;
@@ -35,6 +38,7 @@ pub mod walk;
 
 pub use adaptive::ErrorTarget;
 pub use analytic::{AnalyticScene, Estimate, Medium, Shape};
+pub use assisted::AssistOptions;
 pub use error::TraceError;
 pub use fresnel::internal_reflectance;
 pub use options::{Backend, Boundary, RefractiveIndex, TraceOptions, Tracking};

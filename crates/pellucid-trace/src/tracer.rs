@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicU64;
 use pellucid_voxel::{Control, MaterialTable};
 use rayon::prelude::*;
 
-use crate::coefficients::Coefficients;
+use crate::coefficients::{Coefficients, Optics16};
 use crate::kernel::{self, Batch};
 use crate::tally::Tally;
 use crate::volume::{Start, Volume};
@@ -40,6 +40,7 @@ const PATHS_PER_TASK: usize = 1 << 14;
 pub struct Tracer<'a> {
     pub(crate) volume: &'a Volume,
     channels: Vec<Coefficients>,
+    optics: Vec<Optics16>,
     pub(crate) options: TraceOptions,
     backend: Backend,
 }
@@ -59,13 +60,19 @@ impl<'a> Tracer<'a> {
         let channels = (0..materials.channels())
             .map(|c| Coefficients::new(materials, volume.palette(), c, options.tracking))
             .collect();
+        let optics =
+            (0..materials.channels()).map(|c| Optics16::new(materials, volume.palette(), c)).collect();
         let backend = options.backend.unwrap_or_else(|| Backend::available()[0]);
-        Ok(Self { volume, channels, options, backend })
+        Ok(Self { volume, channels, optics, options, backend })
     }
 
     /// Number of channels, the materials'.
     pub fn channels(&self) -> usize {
         self.channels.len()
+    }
+
+    pub(crate) fn optics(&self, channel: usize) -> &Optics16 {
+        &self.optics[channel]
     }
 
     /// The instruction set in use.

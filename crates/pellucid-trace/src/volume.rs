@@ -140,6 +140,13 @@ impl Volume {
         Start { position, direction: n.map(|c| -c), byte: self.bricks.byte(exit::voxel(position)) }
     }
 
+    /// Centre of a surface point's voxel in mm from the frame's origin.
+    pub(crate) fn point_mm(&self, point: u32) -> [f64; 3] {
+        let mm = self.frame.pitch().mm();
+        let v = self.voxels[point as usize];
+        std::array::from_fn(|a| (f64::from(v[a]) + 0.5) * mm[a])
+    }
+
     /// Checks that every label in use has a material.
     pub(crate) fn check_materials(&self, materials: &MaterialTable) -> Result<(), TraceError> {
         match self.palette()[1..].iter().find(|&&l| materials.get(l).is_none()) {
