@@ -24,6 +24,10 @@ pub(crate) struct Position {
     pub before: u8,
     /// What the tile adds to the position of a tile record.
     pub record: u32,
+    /// The last two bits of the tile's coordinate.
+    pub slot: u8,
+    /// All ones where tables without offset 0 have an entry for `local`, as a mask.
+    pub inner: u16,
 }
 
 /// One axis of the volume.
@@ -49,7 +53,7 @@ impl Axis {
     /// Corners of `cells` cells, `edge` voxels long (even), centred on voxel coordinates `points`.
     pub fn new(cells: usize, edge: u32, extent: Extent, points: impl ExactSizeIterator<Item = u32>) -> Self {
         let count = points.len();
-        let empty = Position { kind: Kind::Zero, local: 0, before: 0, record: 0 };
+        let empty = Position { kind: Kind::Zero, local: 0, before: 0, record: 0, slot: 0, inner: 0 };
         let mut positions = vec![empty; (cells + 1) * count];
         let (low, high) = (i64::from(extent.low), i64::from(extent.high));
         let first = -(i64::from(edge) * cells as i64) / 2;
@@ -88,5 +92,7 @@ fn position(kind: Kind, at: u32, extent: Extent) -> Position {
         local: local as u8,
         before: (local.min(inside) + second) as u8,
         record: (tile as usize * extent.stride) as u32,
+        slot: (tile & 3) as u8,
+        inner: if local > 0 { u16::MAX } else { 0 },
     }
 }

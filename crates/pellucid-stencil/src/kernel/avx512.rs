@@ -86,55 +86,101 @@ fn cell_counts_avx512(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mu
 fn corner_sums_avx512(plane: &Plane, sums: &mut [Sums]) {
     let (nx, ny) = (plane.xs.len(), plane.ys.len());
     let points = sums.len() / (nx * ny);
-    let mut view = View::new(plane.tables, 0);
+    let mut views = Views::new(plane.tables);
+    // Points by what must be done, so that no branch depends on where a point lies in its tile.
+    let (mut whole, mut parted, mut copied) = (vec![0u32; points], vec![0u32; points], vec![0u32; points]);
+    let last = INNER as u8;
     for j in 0..ny {
         for i in 0..nx {
             let (xs, ys, zs) = (&plane.xs[i][..points], &plane.ys[j][..points], &plane.z[..points]);
+            let at = j * nx + i;
+            let (mut wholes, mut parts, mut copies) = (0, 0, 0);
             for p in 0..points {
                 let (x, y, z) = (&xs[p], &ys[p], &zs[p]);
-                let to = p * nx * ny + j * nx + i;
-                if (x.kind, y.kind, z.kind) == (Kind::Fresh, Kind::Fresh, Kind::Fresh) {
-                    let record = x.record as usize + y.record as usize + z.record as usize;
-                    if record != view.at {
-                        view = View::new(plane.tables, record);
-                    }
-                    let last = INNER as u8;
-                    let sum = if x.local != last && y.local != last && z.local != last {
-                        view.whole(x, y, z)
-                    } else {
-                        split(plane.tables, record, [x, y, z])
-                    };
-                    // SAFETY: a `Sums` is 32 bytes.
-                    unsafe { _mm256_storeu_si256(sums[to].as_mut_ptr().cast(), sum) };
-                } else if z.kind == Kind::Same {
-                } else if x.kind == Kind::Zero || y.kind == Kind::Zero || z.kind == Kind::Zero {
-                    sums[to] = [0; 8];
-                } else if x.kind == Kind::Same {
-                    sums[to] = sums[to - 1];
+                let fresh = (x.kind == Kind::Fresh) & (y.kind == Kind::Fresh) & (z.kind == Kind::Fresh);
+                let inside = (x.local != last) & (y.local != last) & (z.local != last);
+                whole[wholes] = p as u32;
+                parted[parts] = p as u32;
+                copied[copies] = p as u32;
+                wholes += usize::from(fresh & inside);
+                parts += usize::from(fresh & !inside);
+                copies += usize::from(!fresh);
+                if wholes.max(parts).max(copies) == points {
+                    break;
+                }
+            }
+            for &p in &whole[..wholes] {
+                let (x, y, z) = (&xs[p as usize], &ys[p as usize], &zs[p as usize]);
+                let view = views.at(x.record + y.record + z.record, [x.slot, y.slot, z.slot]);
+                store(&mut sums[p as usize * nx * ny + at], view.whole(x, y, z));
+            }
+            for &p in &parted[..parts] {
+                let corner = [&xs[p as usize], &ys[p as usize], &zs[p as usize]];
+                store(&mut sums[p as usize * nx * ny + at], split(&mut views, corner));
+            }
+            for &p in &copied[..copies] {
+                let (x, y, z) = (xs[p as usize].kind, ys[p as usize].kind, zs[p as usize].kind);
+                let sums = &mut sums[p as usize * nx * ny..][..nx * ny];
+                if z == Kind::Same {
+                    // The plane before is in place.
+                } else if x == Kind::Zero || y == Kind::Zero || z == Kind::Zero {
+                    sums[at] = [0; 8];
+                } else if x == Kind::Same {
+                    sums[at] = sums[at - 1];
                 } else {
-                    sums[to] = sums[to - nx];
+                    sums[at] = sums[at - nx];
                 }
             }
         }
     }
 }
 
-/// What the corners in one tile look up; most points of a batch share it.
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn store(to: &mut Sums, sum: __m256i) {
+    // SAFETY: a `Sums` is 32 bytes.
+    unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), sum) };
+}
+
+/// What the corners in one tile look up.
+#[derive(Clone, Copy)]
 struct View<'a> {
-    at: usize,
+    at: u32,
+    /// Whether constant tiles lie behind.
+    deep: bool,
+    filled: bool,
     record: &'a TileRecord,
     tables: Option<&'a TileTables>,
     /// Bars behind, where there are any.
     bars: [Option<&'a [Lanes; BAR]>; 3],
-    /// Whether constant tiles lie behind.
-    deep: bool,
-    filled: bool,
+}
+
+/// The views of 4 x 4 x 4 tiles: neighbouring points take turns between a few.
+struct Views<'a> {
+    tables: &'a CountTables,
+    views: [View<'a>; 64],
+}
+
+impl<'a> Views<'a> {
+    fn new(tables: &'a CountTables) -> Self {
+        let view = View::new(tables, 0);
+        Self { tables, views: [View { at: u32::MAX, ..view }; 64] }
+    }
+
+    #[inline(always)]
+    fn at(&mut self, record: u32, slots: [u8; 3]) -> &View<'a> {
+        let view = &mut self.views[usize::from(slots[0] | slots[1] << 2 | slots[2] << 4) & 63];
+        if view.at != record {
+            *view = View::new(self.tables, record);
+        }
+        view
+    }
 }
 
 impl<'a> View<'a> {
-    #[inline]
-    fn new(tables: &'a CountTables, at: usize) -> Self {
-        let record = &tables.records()[at];
+    #[inline(never)]
+    fn new(tables: &'a CountTables, at: u32) -> Self {
+        let record = &tables.records()[at as usize];
         let bars = std::array::from_fn(|axis| {
             let behind = record.behind[axis];
             (behind != 0).then(|| &tables.table(behind).bars[axis])
@@ -153,98 +199,111 @@ impl<'a> View<'a> {
     #[inline]
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
     fn whole(&self, x: &Position, y: &Position, z: &Position) -> __m256i {
-        let record = self.record;
         let (lx, ly, lz) = (usize::from(x.local), usize::from(y.local), usize::from(z.local));
         debug_assert!(lx < INNER && ly < INNER && lz < INNER);
-        // SAFETY: entries `local` and `local + 1` of 16, five counts each.
-        let mut pairs = unsafe {
-            let line = |axis: usize, l: usize| {
-                _mm512_maskz_loadu_epi32(0x3ff, record.edges[axis].as_ptr().add(l).cast())
-            };
-            _mm512_add_epi32(_mm512_add_epi32(line(0, lx), line(1, ly)), line(2, lz))
-        };
+        let mut pairs = _mm512_add_epi32(self.line(0, lx, PAIR), self.line(1, ly, PAIR));
+        pairs = _mm512_add_epi32(pairs, self.line(2, lz, PAIR));
         pairs = _mm512_add_epi32(pairs, pairs);
-        for (axis, lu, lv) in [(0, ly, lz), (1, lx, lz), (2, lx, ly)] {
-            if let Some(bars) = self.bars[axis] {
-                pairs = _mm512_add_epi32(pairs, bar(bars, lu, lv));
-            }
+        if let Some(bars) = self.bars[0] {
+            pairs = _mm512_add_epi32(pairs, bar(bars, [ly, lz], [y.inner, z.inner], [true; 2]));
+        }
+        if let Some(bars) = self.bars[1] {
+            pairs = _mm512_add_epi32(pairs, bar(bars, [lx, lz], [x.inner, z.inner], [true; 2]));
+        }
+        if let Some(bars) = self.bars[2] {
+            pairs = _mm512_add_epi32(pairs, bar(bars, [lx, ly], [x.inner, y.inner], [true; 2]));
         }
         pairs = _mm512_add_epi32(pairs, pairs);
-        let folded = _mm512_add_epi32(pairs, _mm512_alignr_epi32::<5>(pairs, pairs));
-        let mut sum = _mm512_castsi512_si256(folded);
+        let mut sum = folded(pairs);
         let (bx, by, bz) = (i32::from(x.before), i32::from(y.before), i32::from(z.before));
         if self.deep {
-            for (axis, area) in [(0, by * bz), (1, bx * bz), (2, bx * by)] {
-                // SAFETY: the mask keeps to the five counts.
-                let depth = unsafe { _mm256_maskz_loadu_epi32(0x1f, record.depth[axis].as_ptr().cast()) };
-                sum = _mm256_add_epi32(sum, _mm256_mullo_epi32(depth, _mm256_set1_epi32(2 * area)));
-            }
+            sum = _mm256_add_epi32(sum, times(&self.record.depth[0], 2 * by * bz));
+            sum = _mm256_add_epi32(sum, times(&self.record.depth[1], 2 * bx * bz));
+            sum = _mm256_add_epi32(sum, times(&self.record.depth[2], 2 * bx * by));
         }
         if let Some(tables) = self.tables {
-            sum = _mm256_add_epi32(sum, local(tables, lx, ly, lz));
+            sum = _mm256_add_epi32(sum, local(tables, [lx, ly, lz], [x.inner, y.inner, z.inner], [true; 3]));
         } else if self.filled {
-            // SAFETY: the mask keeps to the five counts.
-            let fill = unsafe { _mm256_maskz_loadu_epi32(0x1f, record.fill.as_ptr().cast()) };
-            sum = _mm256_add_epi32(sum, _mm256_mullo_epi32(fill, _mm256_set1_epi32(bx * by * bz)));
+            sum = _mm256_add_epi32(sum, times(&self.record.fill, bx * by * bz));
         }
         sum
     }
+
+    /// Edge counts at an offset and the next one, or the first alone.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+    fn line(&self, axis: usize, local: usize, mask: u16) -> __m512i {
+        debug_assert!(local + usize::from(mask == PAIR) <= INNER);
+        // SAFETY: the mask keeps to five counts a voxel corner of the tile.
+        unsafe { _mm512_maskz_loadu_epi32(mask, self.record.edges[axis].as_ptr().add(local).cast()) }
+    }
 }
 
-/// The sum over the bar entries of two neighbouring offsets on both axes.
+/// The lanes of two neighbouring entries, and of the first alone.
+const PAIR: u16 = 0x3ff;
+const FIRST: u16 = 0x1f;
+
+/// Adds the second entry's lanes to the first's.
 #[inline]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn bar(bars: &[Lanes; BAR], lu: usize, lv: usize) -> __m512i {
-    bar_part(bars, lu, lv, false, false)
+fn folded(pairs: __m512i) -> __m256i {
+    _mm512_castsi512_si256(_mm512_add_epi32(pairs, _mm512_alignr_epi32::<5>(pairs, pairs)))
 }
 
-/// The same where a split axis has its first offset alone.
-#[inline(always)]
-fn bar_part(bars: &[Lanes; BAR], lu: usize, lv: usize, split_u: bool, split_v: bool) -> __m512i {
-    let near = bars.as_ptr().wrapping_add((lv * INNER + lu).wrapping_sub(INNER + 1));
-    let mask = if split_u { 0 } else { 0x3e0 } | if lu > 0 { 0x1f } else { 0 };
-    let (first, second) = (if lv > 0 { mask } else { 0 }, if split_v { 0 } else { mask });
-    // SAFETY: the masks keep to offsets 1..=15 on both axes, so what is read lies in the table;
-    // callers are compiled for AVX-512.
+/// Counts times a number.
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn times(counts: &Lanes, by: i32) -> __m256i {
+    // SAFETY: the mask keeps to the five counts.
+    let counts = unsafe { _mm256_maskz_loadu_epi32(FIRST as u8, counts.as_ptr().cast()) };
+    _mm256_mullo_epi32(counts, _mm256_set1_epi32(by))
+}
+
+/// The sum over the bar entries of two neighbouring offsets on both axes; of the first alone where
+/// the axis has not `two`.
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn bar(bars: &[Lanes; BAR], l: [usize; 2], inner: [u16; 2], two: [bool; 2]) -> __m512i {
+    let near = bars.as_ptr().wrapping_add((l[1] * INNER + l[0]).wrapping_sub(INNER + 1));
+    let mask = if two[0] { PAIR & !FIRST } else { 0 } | inner[0] & FIRST;
+    let (first, second) = (mask & inner[1], if two[1] { mask } else { 0 });
+    // SAFETY: the masks keep to offsets 1..=15 on both axes, so what is read lies in the table.
     unsafe {
         let first = _mm512_maskz_loadu_epi32(first, near.cast());
         _mm512_add_epi32(first, _mm512_maskz_loadu_epi32(second, near.wrapping_add(INNER).cast()))
     }
 }
 
-/// The sum over the local counts of a cluster.
+/// The sum over the local counts of two neighbouring offsets on each axis; of the first alone where
+/// the axis has not `two`.
 #[inline]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn local(tables: &TileTables, lx: usize, ly: usize, lz: usize) -> __m256i {
-    local_part(tables, [lx, ly, lz], [false; 3])
-}
-
-/// The same where a split axis has its first offset alone.
-#[inline]
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn local_part(tables: &TileTables, [lx, ly, lz]: [usize; 3], split: [bool; 3]) -> __m256i {
+fn local(tables: &TileTables, [lx, ly, lz]: [usize; 3], inner: [u16; 3], two: [bool; 3]) -> __m256i {
     let start = ((lz * INNER + ly) * INNER + lx).wrapping_sub(INNER * INNER + INNER + 1);
     let base = tables.local.as_ptr().wrapping_add(start);
-    let mask = u8::from(!split[0]) << 1 | u8::from(lx > 0);
-    let all = |keep: bool| if keep { 0xff } else { 0 };
-    let (y0, z0, y1, z1) = (all(ly > 0), all(lz > 0), all(!split[1]), all(!split[2]));
-    // Row `r` of the four goes to words 2 r and 2 r + 1.
-    let from = |r: usize, offset: usize| base.wrapping_add(offset).wrapping_sub(2 * r).cast::<i64>();
+    let mask = u16::from(two[0]) << 1 | inner[0] & 1;
+    let both = two.map(|two| if two { u16::MAX } else { 0 });
     // SAFETY: the masks keep to offsets 1..=15 on all axes, so what is read lies in the table.
-    let words = unsafe {
-        let words = _mm512_maskz_loadu_epi64(mask & y0 & z0, from(0, 0));
-        let words = _mm512_mask_loadu_epi64(words, (mask & y1 & z0) << 2, from(1, INNER));
-        let words = _mm512_mask_loadu_epi64(words, (mask & y0 & z1) << 4, from(2, INNER * INNER));
-        _mm512_mask_loadu_epi64(words, (mask & y1 & z1) << 6, from(3, INNER * INNER + INNER))
+    let rows = unsafe {
+        let row = |keep: u16, offset: usize| {
+            _mm_maskz_loadu_epi64((mask & keep) as u8, base.wrapping_add(offset).cast())
+        };
+        [
+            row(inner[1] & inner[2], 0),
+            row(both[1] & inner[2], INNER),
+            row(inner[1] & both[2], INNER * INNER),
+            row(both[1] & both[2], INNER * INNER + INNER),
+        ]
     };
+    let near = _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(rows[0]), rows[1]);
+    let far = _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(rows[2]), rows[3]);
     // Sums of eight 12-bit counts need 15 bits: every other material, 24 bits apart.
     const LANE: i64 = (1 << LANE_BITS) - 1;
-    let odd_mask = _mm512_set1_epi64(LANE | LANE << (2 * LANE_BITS));
-    let even_mask = _mm512_set1_epi64(LANE | LANE << (2 * LANE_BITS) | 0xffff << (4 * LANE_BITS));
-    let even = _mm512_and_si512(words, even_mask);
-    let odd = _mm512_and_si512(_mm512_srli_epi64::<LANE_BITS>(words), odd_mask);
-    let halves = |v: __m512i| _mm256_add_epi64(_mm512_castsi512_si256(v), _mm512_extracti64x4_epi64::<1>(v));
-    let (even, odd) = (halves(even), halves(odd));
+    let odd_mask = _mm256_set1_epi64x(LANE | LANE << (2 * LANE_BITS));
+    let even_mask = _mm256_set1_epi64x(LANE | LANE << (2 * LANE_BITS) | 0xffff << (4 * LANE_BITS));
+    let even = _mm256_add_epi64(_mm256_and_si256(near, even_mask), _mm256_and_si256(far, even_mask));
+    let odd = |v: __m256i| _mm256_and_si256(_mm256_srli_epi64::<{ LANE_BITS as i32 }>(v), odd_mask);
+    let odd = _mm256_add_epi64(odd(near), odd(far));
     let both = _mm256_add_epi64(_mm256_unpacklo_epi64(even, odd), _mm256_unpackhi_epi64(even, odd));
     let both = _mm_add_epi64(_mm256_castsi256_si128(both), _mm256_extracti128_si256::<1>(both));
     // Lanes even, odd, even, odd, even: shift each material down to its own lane.
@@ -260,54 +319,59 @@ fn local_part(tables: &TileTables, [lx, ly, lz]: [usize; 3], split: [bool; 3]) -
 /// none: only edges and the bars along the axis count there.
 #[inline(never)]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn split(tables: &CountTables, record: usize, at: [&Position; 3]) -> __m256i {
-    let strides = tables.strides();
-    let splits = at.map(|p| usize::from(p.local) == INNER);
+fn split(views: &mut Views, at: [&Position; 3]) -> __m256i {
+    let strides = views.tables.strides();
+    let two = at.map(|p| usize::from(p.local) != INNER);
+    let shift = two.map(u32::from);
+    let inner = at.map(|p| p.inner);
+    let masks = two.map(|two| if two { PAIR } else { FIRST });
     let mut pairs = _mm512_setzero_si512();
     let mut sum = _mm256_setzero_si256();
     for step in 0..8usize {
-        if (0..3).any(|a| step >> a & 1 == 1 && !splits[a]) {
+        let next = [step & 1 == 1, step & 2 == 2, step & 4 == 4];
+        if next[0] && two[0] || next[1] && two[1] || next[2] && two[2] {
             continue;
         }
-        let next: [bool; 3] = std::array::from_fn(|a| step >> a & 1 == 1);
-        let here = record + (0..3).map(|a| if next[a] { strides[a] } else { 0 }).sum::<usize>();
-        let record = &tables.records()[here];
-        let local: [usize; 3] = std::array::from_fn(|a| if next[a] { 0 } else { at[a].local.into() });
-        let before: [i32; 3] = std::array::from_fn(|a| if next[a] { 0 } else { at[a].before.into() });
-        let count = splits.map(|split| if split { 1 } else { 2 });
-        for axis in 0..3 {
-            let (u, v) = [(1, 2), (0, 2), (0, 1)][axis];
-            // SAFETY: entry `local` of 16, and the one after it unless the axis is split.
-            let line = unsafe {
-                let keep = if splits[axis] { 0x1f } else { 0x3ff };
-                _mm512_maskz_loadu_epi32(keep, record.edges[axis].as_ptr().add(local[axis]).cast())
-            };
-            pairs = _mm512_add_epi32(pairs, _mm512_mullo_epi32(line, _mm512_set1_epi32(count[u] * count[v])));
-            if next[u] || next[v] {
-                continue;
-            }
-            let behind = &tables.table(record.behind[axis]).bars[axis];
-            let bars = bar_part(behind, local[u], local[v], splits[u], splits[v]);
-            pairs = _mm512_add_epi32(pairs, _mm512_mullo_epi32(bars, _mm512_set1_epi32(count[axis])));
-            // SAFETY: the mask keeps to the five counts.
-            let depth = unsafe { _mm256_maskz_loadu_epi32(0x1f, record.depth[axis].as_ptr().cast()) };
-            let area = _mm256_set1_epi32(count[axis] * before[u] * before[v]);
-            sum = _mm256_add_epi32(sum, _mm256_mullo_epi32(depth, area));
+        let mut record = 0;
+        let mut slots = [0; 3];
+        for a in 0..3 {
+            record += at[a].record + if next[a] { strides[a] as u32 } else { 0 };
+            slots[a] = (at[a].slot + u8::from(next[a])) & 3;
+        }
+        let view = views.at(record, slots);
+        let l: [usize; 3] = std::array::from_fn(|a| if next[a] { 0 } else { at[a].local.into() });
+        let b: [i32; 3] = std::array::from_fn(|a| if next[a] { 0 } else { at[a].before.into() });
+        let mut add = |counts: __m512i, shift: u32| {
+            let shift = _mm_cvtsi32_si128(shift as i32);
+            pairs = _mm512_add_epi32(pairs, _mm512_sll_epi32(counts, shift));
+        };
+        add(view.line(0, l[0], masks[0]), shift[1] + shift[2]);
+        add(view.line(1, l[1], masks[1]), shift[0] + shift[2]);
+        add(view.line(2, l[2], masks[2]), shift[0] + shift[1]);
+        if let (Some(bars), false, false) = (view.bars[0], next[1], next[2]) {
+            add(bar(bars, [l[1], l[2]], [inner[1], inner[2]], [two[1], two[2]]), shift[0]);
+        }
+        if let (Some(bars), false, false) = (view.bars[1], next[0], next[2]) {
+            add(bar(bars, [l[0], l[2]], [inner[0], inner[2]], [two[0], two[2]]), shift[1]);
+        }
+        if let (Some(bars), false, false) = (view.bars[2], next[0], next[1]) {
+            add(bar(bars, [l[0], l[1]], [inner[0], inner[1]], [two[0], two[1]]), shift[2]);
+        }
+        if view.deep {
+            sum = _mm256_add_epi32(sum, times(&view.record.depth[0], (b[1] * b[2]) << shift[0]));
+            sum = _mm256_add_epi32(sum, times(&view.record.depth[1], (b[0] * b[2]) << shift[1]));
+            sum = _mm256_add_epi32(sum, times(&view.record.depth[2], (b[0] * b[1]) << shift[2]));
         }
         if step > 0 {
             continue;
         }
-        if record.table != 0 {
-            sum = _mm256_add_epi32(sum, local_part(tables.table(record.table), local, splits));
-        } else {
-            // SAFETY: the mask keeps to the five counts.
-            let fill = unsafe { _mm256_maskz_loadu_epi32(0x1f, record.fill.as_ptr().cast()) };
-            let volume = _mm256_set1_epi32(before.iter().product());
-            sum = _mm256_add_epi32(sum, _mm256_mullo_epi32(fill, volume));
+        if let Some(tables) = view.tables {
+            sum = _mm256_add_epi32(sum, local(tables, l, inner, two));
+        } else if view.filled {
+            sum = _mm256_add_epi32(sum, times(&view.record.fill, b[0] * b[1] * b[2]));
         }
     }
-    let folded = _mm512_add_epi32(pairs, _mm512_alignr_epi32::<5>(pairs, pairs));
-    _mm256_add_epi32(sum, _mm512_castsi512_si256(folded))
+    _mm256_add_epi32(sum, folded(pairs))
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,fma")]
