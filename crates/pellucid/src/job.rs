@@ -1,0 +1,272 @@
+//! The main job: from a model to a prepared print.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use pellucid_color::intent::{MediaWhite, Rendering, RenderingIntent};
+use pellucid_color::{Gamut, MatchOptions, MixtureModel, mixture::table::DEFAULT_NODES};
+use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
+use pellucid_mesh::{MeshReport, Model, surface_colors};
+use pellucid_refine::GamutInk;
+use pellucid_trace::TraceOptions;
+use pellucid_voxel::{
+    Control, LabelGrid, NearestSurface, Surface, SurfaceOptions, VoxelError, local_thickness_mm,
+};
+
+use crate::clock::Clock;
+use crate::evaluate::{self, Judge};
+use crate::predictor::MonteCarlo;
+use crate::proof::{View, Visibility};
+use crate::report::{Report, StageTime, Thinness};
+use crate::stage::{Observer, Stage};
+use crate::{PredictorKind, PrintError, PrintSettings};
+
+/// Prepares prints: settings that were checked once.
+///
+/// ```no_run
+/// use std::{path::Path, sync::atomic::AtomicBool};
+/// use pellucid::{PrintJob, PrintSettings, mesh, stage::Silent};
+/// let model = mesh::import_path("model.glb", &mesh::ImportLimits::default())?;
+/// let job = PrintJob::new(PrintSettings::default())?;
+/// let cancel = AtomicBool::new(false);
+/// let prepared = job.prepare(&model, &Silent, &cancel)?;
+/// let report = prepared.write(Path::new("print"), false, &Silent, &cancel)?;
+/// println!("mean dE2000 {:.2}", report.evaluation.refined.mapped.mean);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PrintJob {
+    pub(crate) settings: PrintSettings,
+    white: u8,
+}
+
+/// A prepared print in memory.
+pub struct Prepared {
+    pub(crate) settings: PrintSettings,
+    /// The labels to print.
+    pub grid: LabelGrid,
+    /// The halftone before refinement.
+    pub unrefined: LabelGrid,
+    /// Surface voxels and normals of both.
+    pub surface: Surface,
+    /// Linear RGB that each surface voxel should show, media-relative, not gamut-mapped.
+    pub target: Vec<[f32; 3]>,
+    /// Appearance in each view of the proof.
+    pub views: Vec<ProofView>,
+    pub(crate) report: Report,
+    pub(crate) times: Vec<StageTime>,
+}
+
+/// What one view of the proof shows; colours are media-relative linear RGB.
+pub struct ProofView {
+    /// The view's name.
+    pub name: String,
+    /// Target, unrefined and refined appearance.
+    pub pictures: [crate::proof::Picture; 3],
+}
+
+impl PrintJob {
+    /// Checks settings.
+    ///
+    /// # Errors
+    /// [`PrintError::Voxel`] naming the setting that is out of range, [`PrintError::Refine`] and
+    /// [`PrintError::Trace`] likewise.
+    pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
+        let white = settings.check()?;
+        settings.refine.seed = settings.seed;
+        settings.refine.check()?;
+        Ok(Self { settings, white })
+    }
+
+    /// Tells before any work whether [`Prepared::write`] would refuse the output folder.
+    ///
+    /// # Errors
+    /// [`PrintError::Slice`] when the folder exists and may not be replaced.
+    pub fn check_output(&self, dir: &Path, force: bool) -> Result<(), PrintError> {
+        drop(pellucid_slice::StagedDir::begin(dir, force)?);
+        Ok(())
+    }
+
+    /// Does the whole job in memory.
+    ///
+    /// # Errors
+    /// [`PrintError`] of the step that failed; [`PrintError::is_cancelled`] once `cancel` is set.
+    pub fn prepare(
+        &self,
+        model: &Model,
+        observer: &dyn Observer,
+        cancel: &AtomicBool,
+    ) -> Result<Prepared, PrintError> {
+        let s = &self.settings;
+        let mut clock = Clock::new(observer, cancel);
+        let options =
+            VoxeliseOptions { pitch: s.target.pitch(), scale: s.scale, label: self.white, ..Default::default() };
+        let voxelised = clock.run(Stage::Voxelise, |c| voxelise(model, &options, c))?;
+        let (solid, placement, mesh) = (voxelised.grid, voxelised.placement, voxelised.report);
+        // A print that its target cannot hold should be refused now, not after the refinement.
+        pellucid_slice::check(&solid, &s.materials, &s.target, &Default::default())?;
+        mesh_warnings(&mesh, &clock);
+
+        let surface = clock.run(Stage::Surface, |c| Surface::extract(&solid, &SurfaceOptions::default(), c))?;
+        let thin = thinness(&solid, &surface, &clock.quiet())?;
+        if thin.below_1_mm > 0.01 {
+            clock.warn(&format!(
+                "{:.0} % of the surface lies on less than 1 mm of material: colours pale and show through there",
+                100.0 * thin.below_1_mm
+            ));
+        }
+        let depth = s.refine.coloured_depth_mm;
+        let nearest = clock.run(Stage::Nearest, |c| NearestSurface::build(&solid, &surface, depth, c))?;
+        let texture = clock.run(Stage::Target, |c| surface_colors(model, &placement, &surface, c))?;
+        let gamut = clock.run(Stage::Color, |c| self.gamut(c))?;
+        let media_white = MediaWhite::new(gamut.model().media_white())?;
+        let rendering = Rendering {
+            intent: if s.absolute {
+                RenderingIntent::AbsoluteColorimetric
+            } else {
+                RenderingIntent::RelativeColorimetric
+            },
+            ..Rendering::default()
+        };
+        let target: Vec<[f32; 3]> = texture
+            .iter()
+            .map(|rgb| rendering.target(rgb.map(f64::from), media_white, gamut.black()).map(|v| v as f32))
+            .collect();
+        drop(texture);
+
+        let mut grid = solid;
+        let mut predictor = self.predictor()?;
+        let outcome = clock.run(Stage::Refine, |c| {
+            pellucid_refine::refine(
+                &mut grid,
+                &surface,
+                &nearest,
+                &s.materials,
+                &GamutInk::new(&gamut, &s.materials),
+                &target,
+                &mut predictor,
+                &s.refine,
+                c,
+            )
+        })?;
+        drop(nearest);
+        let judge = Judge {
+            surface: &surface,
+            materials: &s.materials,
+            boundary: s.boundary,
+            white: media_white,
+            seed: s.seed,
+        };
+        let evaluation = clock.run(Stage::Evaluate, |c| {
+            let sample = evaluate::Sample { points: s.evaluation_points, spp: s.evaluation_spp };
+            judge.evaluate(&outcome.unrefined, &grid, &target, &outcome.mapped_target, sample, c)
+        })?;
+        let views = clock.run(Stage::Proof, |c| self.proof(&judge, &grid, &outcome.unrefined, &target, c))?;
+
+        let counts = grid.histogram();
+        let report = Report {
+            version: env!("CARGO_PKG_VERSION"),
+            model: model.name().to_owned(),
+            notes: model.notes().iter().map(|n| format!("{}: {}", n.object, n.text)).collect(),
+            printer: s.target.name().to_owned(),
+            predictor: s.predictor.name().to_owned(),
+            spp: s.spp,
+            seed: s.seed,
+            refractive_index: s.boundary.index(),
+            media_white: media_white.rgb(),
+            extent_mm: mesh.extent_mm,
+            layers: grid.size()[2],
+            solid_voxels: counts[1..].iter().sum(),
+            surface_voxels: surface.len() as u64,
+            mesh: Some(mesh),
+            thin,
+            refinement: outcome.report,
+            evaluation,
+            ..Report::default()
+        };
+        let times = clock.into_times();
+        let unrefined = outcome.unrefined;
+        Ok(Prepared { settings: s.clone(), grid, unrefined, surface, target, views, report, times })
+    }
+
+    fn gamut(&self, control: &Control<'_>) -> Result<Gamut, PrintError> {
+        let s = &self.settings;
+        let model = MixtureModel::new(&s.materials, "white", s.boundary.index())?;
+        Ok(Gamut::build(model, MatchOptions::default(), DEFAULT_NODES, control)?)
+    }
+
+    fn predictor(&self) -> Result<MonteCarlo, PrintError> {
+        let s = &self.settings;
+        match s.predictor {
+            PredictorKind::MonteCarlo => Ok(MonteCarlo::new(TraceOptions {
+                spp: s.spp,
+                seed: s.seed,
+                boundary: s.boundary,
+                ..TraceOptions::default()
+            })?),
+        }
+    }
+
+    fn proof(
+        &self,
+        judge: &Judge<'_>,
+        refined: &LabelGrid,
+        unrefined: &LabelGrid,
+        target: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Vec<ProofView>, PrintError> {
+        let views = View::front_and_back();
+        let seen = views
+            .iter()
+            .map(|v| Visibility::trace(refined, judge.surface, v, self.settings.proof_edge, &control.silent()))
+            .collect::<Result<Vec<_>, VoxelError>>()?;
+        let mut points: Vec<u32> = seen.iter().flat_map(Visibility::visible_points).collect();
+        points.sort_unstable();
+        points.dedup();
+        let spp = self.settings.proof_spp;
+        let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 2 * total);
+        let (first, second) = (half(0), half(1));
+        let before = judge.appearance(unrefined, &points, spp, &control.silent().with_progress(&first))?;
+        let after = judge.appearance(refined, &points, spp, &control.silent().with_progress(&second))?;
+        views
+            .into_iter()
+            .zip(seen)
+            .map(|(view, seen)| {
+                let pictures = [seen.shade(target)?, seen.shade(&before)?, seen.shade(&after)?];
+                Ok(ProofView { name: view.name, pictures })
+            })
+            .collect()
+    }
+}
+
+impl Prepared {
+    /// The report so far; times and memory are filled in by [`Prepared::write`].
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+}
+
+fn mesh_warnings(mesh: &MeshReport, clock: &Clock<'_>) {
+    if !mesh.closed {
+        clock.warn(&format!("the mesh is open; {} holes were closed", mesh.holes));
+    }
+    if mesh.flipped_shells > 0 {
+        clock.warn(&format!("{} shells faced inwards and were turned round", mesh.flipped_shells));
+    }
+    if mesh.thin_voxels > 0 {
+        clock.warn("parts thinner than a voxel were kept one voxel thick");
+    }
+}
+
+fn thinness(grid: &LabelGrid, surface: &Surface, control: &Control<'_>) -> Result<Thinness, VoxelError> {
+    const REACH_MM: f64 = 2.0;
+    let thickness = local_thickness_mm(grid, surface, REACH_MM, control)?;
+    let below = |mm: f32| {
+        thickness.iter().filter(|&&t| t < mm).count() as f64 / thickness.len().max(1) as f64
+    };
+    Ok(Thinness {
+        least_mm: f64::from(thickness.iter().copied().fold(f32::INFINITY, f32::min)),
+        below_1_mm: below(1.0),
+        below_2_mm: below(REACH_MM as f32),
+    })
+}
