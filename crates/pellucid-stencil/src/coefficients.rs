@@ -140,6 +140,30 @@ impl Coefficients {
         }
     }
 
+    /// The gradients of one level's cells by an eighth voxel of a material, from the gradients of a
+    /// point's descriptor.
+    pub(crate) fn cell_gradients(
+        &self,
+        spec: &StencilSpec,
+        level: usize,
+        material: usize,
+        gradients: &[f32],
+        cells: &mut [f64],
+    ) {
+        let f = self.features.len();
+        cells.fill(0.0);
+        for (channel, gradients) in gradients.chunks_exact(spec.cells_in_all() * f).enumerate() {
+            let distinct = (0..self.first[channel]).filter(|&c| self.first[c] == c).count();
+            let values = &self.rows[material * self.width + distinct * self.features.lanes()..][..f];
+            let gradients = &gradients[level * cells.len() * f..];
+            for (cell, gradients) in cells.iter_mut().zip(gradients.chunks_exact(f)) {
+                *cell += gradients.iter().zip(values).map(|(&g, v)| f64::from(g) * v).sum::<f64>();
+            }
+        }
+        let factor = spec.level_factor(level);
+        cells.iter_mut().for_each(|cell| *cell *= factor);
+    }
+
     /// Converts the counts of some cells of a level, ordered `[group][cell]`, numbered over all
     /// levels, into a whole point's descriptor.
     pub(crate) fn convert_cells(

@@ -7,16 +7,17 @@ use pellucid_voxel::sat::tables::LANES;
 use pellucid_voxel::{Control, CountSat, LabelGrid, TILE};
 use rayon::prelude::*;
 
-use crate::axis::{Axis, Extent};
-use crate::kernel::{Kernel, Plane, Sums};
-use crate::window::{self, Window};
+use crate::changed::ChangedTiles;
+use crate::kernel::{Kernel, Sums};
+use crate::levels::Workspace;
+use crate::window;
 use crate::{Coefficients, StencilError, StencilSpec};
 
-/// Points extracted together: enough for neighbours to share table entries in the nearest cache.
+/// Points of one task, worked on level by level.
+const TASK: usize = 2048;
+/// Points whose corners are summed together: enough for neighbours to share table entries in the
+/// nearer caches, few enough for their sums to stay there too.
 const BATCH: usize = 1024;
-/// What an entry of a window costs to make, and a corner to look up, in the same unit.
-const ENTRY_COST: usize = 1;
-const CORNER_COST: usize = 20;
 
 /// Extracts the stencils of one volume.
 ///
@@ -37,13 +38,14 @@ const CORNER_COST: usize = 20;
 /// assert_eq!(out[67 * 2], table.get(5).unwrap().sigma_s[0]);
 /// ```
 pub struct Stencils<'a> {
-    spec: StencilSpec,
-    grid: &'a LabelGrid,
-    sat: &'a CountSat,
-    bounds: Option<([u32; 3], [u32; 3])>,
-    kernel: Kernel,
+    pub(crate) spec: StencilSpec,
+    pub(crate) grid: &'a LabelGrid,
+    pub(crate) sat: &'a CountSat,
+    /// The box that holds every solid voxel.
+    pub(crate) bounds: Option<([u32; 3], [u32; 3])>,
+    pub(crate) kernel: Kernel,
     /// Levels that a window can hold.
-    fine_levels: usize,
+    pub(crate) fine_levels: usize,
 }
 
 impl<'a> Stencils<'a> {
@@ -85,20 +87,57 @@ impl<'a> Stencils<'a> {
         out: &mut [f32],
         control: &Control,
     ) -> Result<(), StencilError> {
-        if coefficients.materials() != self.sat.materials() {
-            return Err(StencilError::invalid(
-                "coefficients",
-                format!(
-                    "{} materials where {} are counted; build both from one material table",
-                    coefficients.materials(),
-                    self.sat.materials()
-                ),
-            ));
+        self.check_materials(coefficients)?;
+        let row = coefficients.values_per_point(&self.spec);
+        self.run(
+            points,
+            out,
+            row,
+            control,
+            |_| 0,
+            |cells, counts, out| {
+                coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
+            },
+        )
+    }
+
+    /// Brings the descriptors of `points` in `out`, extracted before some tiles changed, up to
+    /// date: a level is extracted again only where its boxes meet a changed tile. Equal to
+    /// [`Stencils::extract`], bit for bit, when `out` was.
+    ///
+    /// # Errors
+    /// As [`Stencils::extract`], and [`StencilError::Invalid`] when `changed` is of another grid.
+    pub fn refresh(
+        &self,
+        coefficients: &Coefficients,
+        points: &[[u32; 3]],
+        changed: &ChangedTiles,
+        out: &mut [f32],
+        control: &Control,
+    ) -> Result<(), StencilError> {
+        self.check_materials(coefficients)?;
+        if changed.grid_size() != self.grid.size() {
+            return Err(StencilError::invalid("changed tiles", "they belong to a grid of another size"));
         }
         let row = coefficients.values_per_point(&self.spec);
-        self.run(points, out, row, control, |cells, counts, out| {
+        let first = |point| changed.first_level(&self.spec, point);
+        self.run(points, out, row, control, first, |cells, counts, out| {
             coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
         })
+    }
+
+    fn check_materials(&self, coefficients: &Coefficients) -> Result<(), StencilError> {
+        if coefficients.materials() == self.sat.materials() {
+            return Ok(());
+        }
+        Err(StencilError::invalid(
+            "coefficients",
+            format!(
+                "{} materials where {} are counted; build both from one material table",
+                coefficients.materials(),
+                self.sat.materials()
+            ),
+        ))
     }
 
     /// Writes the counts of `points` to `out`, ordered
@@ -115,16 +154,23 @@ impl<'a> Stencils<'a> {
         control: &Control,
     ) -> Result<(), StencilError> {
         let m = self.sat.materials();
-        self.run(points, out, self.spec.cells_in_all() * m, control, |cells, counts, out| {
-            for (cell, out) in out[cells.start * m..cells.end * m].chunks_exact_mut(m).enumerate() {
-                for (group, out) in out.chunks_mut(LANES).enumerate() {
-                    out.copy_from_slice(&counts[group * cells.len() + cell][..out.len()]);
+        self.run(
+            points,
+            out,
+            self.spec.cells_in_all() * m,
+            control,
+            |_| 0,
+            |cells, counts, out| {
+                for (cell, out) in out[cells.start * m..cells.end * m].chunks_exact_mut(m).enumerate() {
+                    for (group, out) in out.chunks_mut(LANES).enumerate() {
+                        out.copy_from_slice(&counts[group * cells.len() + cell][..out.len()]);
+                    }
                 }
-            }
-        })
+            },
+        )
     }
 
-    /// Sorts the points into batches of neighbours, and hands `sink` ranges of each point's cells
+    /// Sorts the points into batches of neighbours, and, from each point's first level on, hands `sink` ranges of each point's cells
     /// over all levels with their counts, ordered `[group][cell]`, and the point's row of `out`.
     fn run<T: Send>(
         &self,
@@ -132,6 +178,7 @@ impl<'a> Stencils<'a> {
         out: &mut [T],
         row: usize,
         control: &Control,
+        first_level: impl Fn([u32; 3]) -> usize + Sync,
         sink: impl Fn(Range<usize>, &[Sums], &mut [T]) + Sync,
     ) -> Result<(), StencilError> {
         let size = self.grid.size();
@@ -149,135 +196,31 @@ impl<'a> Stencils<'a> {
         rows.par_sort_by_cached_key(|(p, _)| (along_curve(p.map(|c| c / TILE as u32)), p[2], p[1], p[0]));
         let done = AtomicU64::new(0);
         let total = points.len() as u64;
-        // Enough batches for every thread; the split changes no value.
-        let batch = points.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, BATCH);
-        let batch = (batch / self.sat.groups().len()).max(1);
-        rows.par_chunks_mut(batch).try_for_each_init(Workspace::default, |work, rows| {
+        // Enough tasks for every thread; the split changes no value.
+        let task = points.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, TASK);
+        let batch = (BATCH / self.sat.groups().len()).max(1);
+        rows.par_chunks_mut(task).try_for_each_init(Workspace::default, |work, rows| {
             let tile = |row: &([u32; 3], &mut [T])| row.0.map(|c| c / TILE as u32);
+            work.first.clear();
+            work.first.extend(rows.iter().map(|(p, _)| first_level(*p)));
+            let mut start = 0;
             for rows in rows.chunk_by_mut(|a, b| tile(a) == tile(b)) {
                 control.check()?;
-                work.take_points(rows);
-                let fine = self.fine_levels(&work.points);
-                self.window_levels(0..fine, work, |p, cells, counts| sink(cells, counts, rows[p].1));
-                for level in fine..self.fine_levels {
-                    self.coarse_level(level, work, |p, cells, counts| sink(cells, counts, rows[p].1));
-                }
+                work.take_points(rows, start, self.fine_levels);
+                self.fine(work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                start += rows.len();
             }
-            work.take_points(rows);
+            // Level by level: neighbouring batches share most of what a level looks up.
             for level in self.fine_levels..self.spec.levels() {
-                control.check()?;
-                self.coarse_level(level, work, |p, cells, counts| sink(cells, counts, rows[p].1));
+                for (i, rows) in rows.chunks_mut(batch).enumerate() {
+                    control.check()?;
+                    work.take_points(rows, i * batch, level + 1);
+                    self.level(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                }
             }
             control.advance(&done, rows.len() as u64, total);
             Ok(())
         })
-    }
-
-    /// How many levels of some points of a tile are cheaper from a window around them than from the
-    /// summed-area table; at least the first, which is read from the labels.
-    fn fine_levels(&self, points: &[[u32; 3]]) -> usize {
-        let corners: usize = self.spec.cells().iter().map(|n| n + 1).product();
-        let cheaper = |level: usize| {
-            let entries = Window::entries(&self.spec, level, points);
-            entries * ENTRY_COST <= points.len() * corners * level * CORNER_COST
-        };
-        (1..self.fine_levels).rev().find(|&level| cheaper(level)).unwrap_or(0) + 1
-    }
-
-    /// The first levels, from a window around the points.
-    fn window_levels(
-        &self,
-        levels: Range<usize>,
-        work: &mut Workspace,
-        mut sink: impl FnMut(usize, Range<usize>, &[Sums]),
-    ) {
-        let Workspace { points, counts, window, .. } = work;
-        let (cells, groups) = (self.spec.cells_per_level(), self.sat.groups().len());
-        window.read(self.grid, &self.spec, levels.end - 1, points);
-        if levels.end > 1 {
-            window.sum(self.kernel, groups);
-        }
-        counts.clear();
-        counts.resize(groups * cells, Sums::default());
-        let [nx, ny, nz] = self.spec.cells();
-        for (i, p) in points.iter().enumerate() {
-            counts.fill(Sums::default());
-            let low = [nx, ny, nz].map(|n| (n / 2) as i64);
-            for z in 0..nz {
-                for y in 0..ny {
-                    let steps = [0, y as i64, z as i64];
-                    let start = std::array::from_fn(|a| i64::from(p[a]) - low[a] + steps[a]);
-                    let first = self.spec.cell_index([0, y, z]);
-                    for (x, &label) in window.label_row(start, nx).iter().enumerate() {
-                        if let Some(m) = usize::from(label).checked_sub(1) {
-                            counts[m / LANES * cells + first + x][m % LANES] = self.spec.full_count(0);
-                        }
-                    }
-                }
-            }
-            sink(i, 0..cells, counts);
-            for level in 1..levels.end {
-                for (g, counts) in counts.chunks_exact_mut(cells).enumerate() {
-                    window.cell_counts(self.kernel, &self.spec, level, g, *p, counts);
-                }
-                sink(i, level * cells..(level + 1) * cells, counts);
-            }
-        }
-    }
-
-    /// Cells of two and more voxels, from the summed-area table, layer by layer.
-    fn coarse_level(
-        &self,
-        level: usize,
-        work: &mut Workspace,
-        mut sink: impl FnMut(usize, Range<usize>, &[Sums]),
-    ) {
-        let Workspace { points, counts, sums, columns, .. } = work;
-        let n = self.spec.cells();
-        let (cells, first) = (self.spec.cells_per_level(), level * self.spec.cells_per_level());
-        let groups = self.sat.groups();
-        let edge = self.spec.cell_edge(level);
-        let size = self.grid.size();
-        let strides = groups[0].strides();
-        let (low, high) = self.bounds.unwrap_or_default();
-        let axes: [Axis; 3] = std::array::from_fn(|a| {
-            let extent = Extent { size: size[a], low: low[a], high: high[a], stride: strides[a] };
-            Axis::new(n[a], edge, extent, points.iter().map(|p| p[a]))
-        });
-        if self.bounds.is_none() || axes.iter().any(Axis::beyond) {
-            counts.clear();
-            counts.resize(groups.len() * cells, Sums::default());
-            (0..points.len()).for_each(|p| sink(p, first..first + cells, counts));
-            return;
-        }
-        let [nx, ny, nz] = n;
-        let (per_plane, layer) = ((nx + 1) * (ny + 1), nx * ny);
-        sums.resize(groups.len() * points.len() * per_plane, Sums::default());
-        columns.resize(points.len() * groups.len() * layer, Sums::default());
-        counts.resize(groups.len() * layer, Sums::default());
-        for k in 0..=nz {
-            for (tables, sums) in groups.iter().zip(sums.chunks_exact_mut(points.len() * per_plane)) {
-                let plane = Plane {
-                    tables,
-                    xs: (0..=nx).map(|i| axes[0].corner(i)).collect(),
-                    ys: (0..=ny).map(|j| axes[1].corner(j)).collect(),
-                    z: axes[2].corner(k),
-                };
-                self.kernel.corner_sums(&plane, sums);
-            }
-            for (p, columns) in columns.chunks_exact_mut(groups.len() * layer).enumerate() {
-                for (g, (columns, counts)) in
-                    columns.chunks_exact_mut(layer).zip(counts.chunks_exact_mut(layer)).enumerate()
-                {
-                    let sums = &sums[(g * points.len() + p) * per_plane..][..per_plane];
-                    self.kernel.cell_counts(nx, sums, columns, counts);
-                }
-                if k > 0 {
-                    let start = first + (k - 1) * layer;
-                    sink(p, start..start + layer, counts);
-                }
-            }
-        }
     }
 }
 
@@ -285,24 +228,4 @@ impl<'a> Stencils<'a> {
 fn along_curve(tile: [u32; 3]) -> u64 {
     let spread = |v: u32| (0..u32::BITS - 11).fold(0u64, |s, bit| s | u64::from(v >> bit & 1) << (3 * bit));
     spread(tile[0]) | spread(tile[1]) << 1 | spread(tile[2]) << 2
-}
-
-/// Buffers of one thread, reused from batch to batch.
-#[derive(Default)]
-struct Workspace {
-    points: Vec<[u32; 3]>,
-    /// Counts of one point, ordered `[group][cell]`.
-    counts: Vec<Sums>,
-    /// Ordered `[group][point][y corner][x corner]`.
-    sums: Vec<Sums>,
-    /// Ordered `[point][group][y cell][x cell]`.
-    columns: Vec<Sums>,
-    window: Window,
-}
-
-impl Workspace {
-    fn take_points<T>(&mut self, rows: &[([u32; 3], T)]) {
-        self.points.clear();
-        self.points.extend(rows.iter().map(|(p, _)| *p));
-    }
 }

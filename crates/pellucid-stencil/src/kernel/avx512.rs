@@ -6,8 +6,8 @@ use std::arch::x86_64::*;
 
 use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables};
 
-use super::{Plane, Rows, Sums, scalar};
-use crate::axis::{Kind, Position};
+use super::{Plane, Rows, Sums, each_corner, scalar};
+use crate::axis::{Position, each};
 use crate::window;
 
 /// True where this module's functions may run.
@@ -84,55 +84,38 @@ fn cell_counts_avx512(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mu
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
 fn corner_sums_avx512(plane: &Plane, sums: &mut [Sums]) {
-    let (nx, ny) = (plane.xs.len(), plane.ys.len());
-    let points = sums.len() / (nx * ny);
+    let [nx, ny] = plane.n;
     let mut views = Views::new(plane.tables);
-    // Points by what must be done, so that no branch depends on where a point lies in its tile.
-    let (mut whole, mut parted, mut copied) = (vec![0u32; points], vec![0u32; points], vec![0u32; points]);
-    let last = INNER as u8;
-    for j in 0..ny {
-        for i in 0..nx {
-            let (xs, ys, zs) = (&plane.xs[i][..points], &plane.ys[j][..points], &plane.z[..points]);
-            let at = j * nx + i;
-            let (mut wholes, mut parts, mut copies) = (0, 0, 0);
-            for p in 0..points {
-                let (x, y, z) = (&xs[p], &ys[p], &zs[p]);
-                let fresh = (x.kind == Kind::Fresh) & (y.kind == Kind::Fresh) & (z.kind == Kind::Fresh);
-                let inside = (x.local != last) & (y.local != last) & (z.local != last);
-                whole[wholes] = p as u32;
-                parted[parts] = p as u32;
-                copied[copies] = p as u32;
-                wholes += usize::from(fresh & inside);
-                parts += usize::from(fresh & !inside);
-                copies += usize::from(!fresh);
-                if wholes.max(parts).max(copies) == points {
-                    break;
-                }
-            }
-            for &p in &whole[..wholes] {
-                let (x, y, z) = (&xs[p as usize], &ys[p as usize], &zs[p as usize]);
-                let view = views.at(x.record + y.record + z.record, [x.slot, y.slot, z.slot]);
-                store(&mut sums[p as usize * nx * ny + at], view.whole(x, y, z));
-            }
-            for &p in &parted[..parts] {
-                let corner = [&xs[p as usize], &ys[p as usize], &zs[p as usize]];
-                store(&mut sums[p as usize * nx * ny + at], split(&mut views, corner));
-            }
-            for &p in &copied[..copies] {
-                let (x, y, z) = (xs[p as usize].kind, ys[p as usize].kind, zs[p as usize].kind);
-                let sums = &mut sums[p as usize * nx * ny..][..nx * ny];
-                if z == Kind::Same {
-                    // The plane before is in place.
-                } else if x == Kind::Zero || y == Kind::Zero || z == Kind::Zero {
-                    sums[at] = [0; 8];
-                } else if x == Kind::Same {
-                    sums[at] = sums[at - 1];
-                } else {
-                    sums[at] = sums[at - nx];
-                }
-            }
-        }
-    }
+    let zs = plane.axes[2].corner(plane.k);
+    each_corner(plane, sums, |sums, [i, j, word], fresh, [sx, sy, sz]| {
+        let (xs, ys) = (&plane.axes[0].corner(i)[64 * word..], &plane.axes[1].corner(j)[64 * word..]);
+        let zs = &zs[64 * word..];
+        let sums = &mut sums[64 * word * nx * ny + j * nx + i..];
+        // The entries lie scattered over hundreds of megabytes: ask for all before using any.
+        each(fresh, |p| {
+            let (x, y, z) = (&xs[p], &ys[p], &zs[p]);
+            let view = views.at(x.record + y.record + z.record, [x.slot, y.slot, z.slot]);
+            view.prefetch(x.local.into(), y.local.into(), z.local.into());
+        });
+        // Each kind of corner by itself: no branch depends on where a point lies in its tile.
+        each(fresh & !sx & !sy & !sz, |p| {
+            let (x, y, z) = (&xs[p], &ys[p], &zs[p]);
+            let view = views.at(x.record + y.record + z.record, [x.slot, y.slot, z.slot]);
+            store(&mut sums[p * nx * ny], view.whole(x, y, z));
+        });
+        each(fresh & sx & !sy & !sz, |p| {
+            store(&mut sums[p * nx * ny], split_once::<0>(&mut views, [&xs[p], &ys[p], &zs[p]]));
+        });
+        each(fresh & !sx & sy & !sz, |p| {
+            store(&mut sums[p * nx * ny], split_once::<1>(&mut views, [&xs[p], &ys[p], &zs[p]]));
+        });
+        each(fresh & !sx & !sy & sz, |p| {
+            store(&mut sums[p * nx * ny], split_once::<2>(&mut views, [&xs[p], &ys[p], &zs[p]]));
+        });
+        each(fresh & (sx & sy | sx & sz | sy & sz), |p| {
+            store(&mut sums[p * nx * ny], split(&mut views, [&xs[p], &ys[p], &zs[p]]));
+        });
+    });
 }
 
 #[inline]
@@ -192,6 +175,26 @@ impl<'a> View<'a> {
             bars,
             deep: record.depth != [[0; LANES]; 3],
             filled: record.fill != [0; LANES],
+        }
+    }
+
+    /// Asks for what a cluster at these offsets looks up.
+    #[inline]
+    #[target_feature(enable = "avx512f")]
+    fn prefetch(&self, lx: usize, ly: usize, lz: usize) {
+        for (axis, lu, lv) in [(0, ly, lz), (1, lx, lz), (2, lx, ly)] {
+            if let Some(bars) = self.bars[axis] {
+                let at = bars.as_ptr().wrapping_add(lv * INNER + lu);
+                _mm_prefetch::<_MM_HINT_T0>(at.cast());
+                _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER).cast());
+            }
+        }
+        if let Some(tables) = self.tables {
+            let at = tables.local.as_ptr().wrapping_add((lz * INNER + ly) * INNER + lx);
+            _mm_prefetch::<_MM_HINT_T0>(at.cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER).cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER * INNER).cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER * INNER + INNER).cast());
         }
     }
 
@@ -313,6 +316,58 @@ fn local(tables: &TileTables, [lx, ly, lz]: [usize; 3], inner: [u16; 3], two: [b
     _mm512_cvtepi64_epi32(lanes)
 }
 
+/// The sum over a cluster that reaches into the next tile along axis `A` alone; see [`split`].
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn split_once<const A: usize>(views: &mut Views, at: [&Position; 3]) -> __m256i {
+    let (u, v) = across(A);
+    let record = at[0].record + at[1].record + at[2].record;
+    let mut slots = at.map(|p| p.slot);
+    let here = *views.at(record, slots);
+    slots[A] = (slots[A] + 1) & 3;
+    let next = *views.at(record + views.tables.strides()[A] as u32, slots);
+    let l = at.map(|p| usize::from(p.local));
+    let (before, inner) = (at.map(|p| i32::from(p.before)), at.map(|p| p.inner));
+    let mut two = [true; 3];
+    two[A] = false;
+    let ends = _mm512_add_epi32(here.line(A, INNER, FIRST), next.line(A, 0, FIRST));
+    let mut pairs = _mm512_add_epi32(ends, ends);
+    for axis in [u, v] {
+        pairs = _mm512_add_epi32(pairs, here.line(axis, l[axis], PAIR));
+        pairs = _mm512_add_epi32(pairs, next.line(axis, l[axis], PAIR));
+        if let Some(bars) = here.bars[axis] {
+            let (a, b) = across(axis);
+            pairs = _mm512_add_epi32(pairs, bar(bars, [l[a], l[b]], [inner[a], inner[b]], [two[a], two[b]]));
+        }
+    }
+    pairs = _mm512_add_epi32(pairs, pairs);
+    let mut sum = _mm256_setzero_si256();
+    for view in [&here, &next] {
+        if let Some(bars) = view.bars[A] {
+            pairs = _mm512_add_epi32(pairs, bar(bars, [l[u], l[v]], [inner[u], inner[v]], [true; 2]));
+        }
+        if view.deep {
+            sum = _mm256_add_epi32(sum, times(&view.record.depth[A], before[u] * before[v]));
+        }
+    }
+    if here.deep {
+        sum = _mm256_add_epi32(sum, times(&here.record.depth[u], 2 * before[A] * before[v]));
+        sum = _mm256_add_epi32(sum, times(&here.record.depth[v], 2 * before[A] * before[u]));
+    }
+    if let Some(tables) = here.tables {
+        sum = _mm256_add_epi32(sum, local(tables, l, inner, two));
+    } else if here.filled {
+        sum = _mm256_add_epi32(sum, times(&here.record.fill, before[0] * before[1] * before[2]));
+    }
+    _mm256_add_epi32(sum, folded(pairs))
+}
+
+/// The axes across a bar along `axis`, the faster one first.
+#[inline(always)]
+const fn across(axis: usize) -> (usize, usize) {
+    [(1, 2), (0, 2), (0, 1)][axis]
+}
+
 /// The sum over a cluster that reaches into the next tile along an axis or more.
 ///
 /// In the next tile its voxel corner has offset 0, where bars and local counts on that axis are
@@ -391,9 +446,25 @@ fn features_avx512(
     assert!(channels.iter().flatten().all(|start| start + cells * f <= out.len()));
     let factor = _mm512_set1_pd(rows.factor);
     let out = out.as_mut_ptr();
+    // The rows of the first group stay in registers.
+    let near: [__m512d; LANES] = std::array::from_fn(|m| {
+        if m < materials {
+            // SAFETY: each of the `materials` rows has eight values from `at` on.
+            unsafe { _mm512_loadu_pd(rows.values.as_ptr().add(m * rows.width + at)) }
+        } else {
+            _mm512_setzero_pd()
+        }
+    });
     for cell in 0..cells {
+        // SAFETY: a `Sums` is 32 bytes, and there is one a group and cell.
+        let lanes = _mm512_cvtepu32_pd(unsafe { _mm256_loadu_si256(counts.as_ptr().add(cell).cast()) });
         let mut sum = _mm512_setzero_pd();
-        for first in (0..materials).step_by(LANES) {
+        for m in 0..LANES {
+            let count = _mm512_permutexvar_pd(_mm512_set1_epi64(m as i64), lanes);
+            // Counts below 2^28 times f32 coefficients are exact: fusing changes no bit.
+            sum = _mm512_fmadd_pd(count, near[m], sum);
+        }
+        for first in (LANES..materials).step_by(LANES) {
             // SAFETY: a `Sums` is 32 bytes, and there is one a group and cell.
             let lanes =
                 unsafe { _mm256_loadu_si256(counts.as_ptr().add(first / LANES * cells + cell).cast()) };
@@ -402,7 +473,6 @@ fn features_avx512(
                 let count = _mm512_permutexvar_pd(_mm512_set1_epi64(m as i64), lanes);
                 // SAFETY: each of the `materials` rows has eight values from `at` on.
                 let row = unsafe { _mm512_loadu_pd(rows.values.as_ptr().add((first + m) * rows.width + at)) };
-                // Counts below 2^28 times f32 coefficients are exact: fusing changes no bit.
                 sum = _mm512_fmadd_pd(count, row, sum);
             }
         }

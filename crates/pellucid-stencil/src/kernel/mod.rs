@@ -13,18 +13,60 @@ mod scalar;
 
 use pellucid_voxel::sat::tables::CountTables;
 
-use crate::axis::Position;
+use crate::axis::{Axis, Set, each};
 use crate::window;
 
 /// Sums of the five materials of a group; the three spare lanes are undefined.
 pub(crate) type Sums = [u32; 8];
 
-/// The corners of one plane: positions ordered `[corner][point]` along x and y, `[point]` along z.
+/// The corners of one plane: all along x and y, the `k`-th along z.
 pub(crate) struct Plane<'a> {
     pub tables: &'a CountTables,
-    pub xs: Vec<&'a [Position]>,
-    pub ys: Vec<&'a [Position]>,
-    pub z: &'a [Position],
+    pub axes: &'a [Axis; 3],
+    /// Corners along `[x, y]`.
+    pub n: [usize; 2],
+    pub k: usize,
+}
+
+/// Fills `sums`, ordered `[point][y corner][x corner]`, where nothing must be looked up, and calls
+/// `look_up(i, j, word, points, splits)` with the corner and sets of the other points: 64 from
+/// `64 word` on, and those of them that reach into the next tile along each axis.
+#[inline(always)]
+fn each_corner(
+    plane: &Plane,
+    sums: &mut [Sums],
+    mut look_up: impl FnMut(&mut [Sums], [usize; 3], u64, [u64; 3]),
+) {
+    let [nx, ny] = plane.n;
+    let [ax, ay, az] = plane.axes;
+    let words = az.points().div_ceil(64);
+    for j in 0..ny {
+        for i in 0..nx {
+            let at = j * nx + i;
+            for word in 0..words {
+                // Where the plane counts the same as the one before it, that one's sums stay.
+                let open = az.all(word) & !az.set(plane.k, Set::Same, word);
+                let zero = az.set(plane.k, Set::Zero, word)
+                    | ax.set(i, Set::Zero, word)
+                    | ay.set(j, Set::Zero, word);
+                let same_x = ax.set(i, Set::Same, word) & !zero;
+                let same_y = ay.set(j, Set::Same, word) & !zero & !same_x;
+                let start = |p: usize| (64 * word + p) * nx * ny + at;
+                each(open & zero, |p| sums[start(p)] = [0; 8]);
+                each(open & same_x, |p| sums[start(p)] = sums[start(p) - 1]);
+                each(open & same_y, |p| sums[start(p)] = sums[start(p) - nx]);
+                let fresh = open & !zero & !same_x & !same_y;
+                if fresh != 0 {
+                    let splits = [
+                        ax.set(i, Set::Split, word),
+                        ay.set(j, Set::Split, word),
+                        az.set(plane.k, Set::Split, word),
+                    ];
+                    look_up(sums, [i, j, word], fresh, splits);
+                }
+            }
+        }
+    }
 }
 
 /// Coefficients ordered `[material][channel][lane]`, each row padded with zeros to a multiple of

@@ -3,29 +3,21 @@
 use pellucid_voxel::TILE;
 use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables};
 
-use super::{Plane, Rows, Sums};
-use crate::axis::{Kind, Position};
+use super::{Plane, Rows, Sums, each_corner};
+use crate::axis::{Position, each};
 
 pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
-    let (nx, ny) = (plane.xs.len(), plane.ys.len());
-    for j in 0..ny {
-        for i in 0..nx {
-            for (p, sums) in sums.chunks_exact_mut(nx * ny).enumerate() {
-                let at = [&plane.xs[i][p], &plane.ys[j][p], &plane.z[p]];
-                let to = j * nx + i;
-                match at.map(|a| a.kind) {
-                    [_, _, Kind::Same] => {}
-                    kinds if kinds.contains(&Kind::Zero) => sums[to] = [0; 8],
-                    [Kind::Same, ..] => sums[to] = sums[to - 1],
-                    [_, Kind::Same, _] => sums[to] = sums[to - nx],
-                    _ => {
-                        let record = at.iter().map(|p| p.record as usize).sum();
-                        sums[to] = around(plane.tables, record, at);
-                    }
-                }
-            }
-        }
-    }
+    let [nx, ny] = plane.n;
+    let zs = plane.axes[2].corner(plane.k);
+    each_corner(plane, sums, |sums, [i, j, word], fresh, _| {
+        let (xs, ys) = (plane.axes[0].corner(i), plane.axes[1].corner(j));
+        each(fresh, |p| {
+            let p = 64 * word + p;
+            let at = [&xs[p], &ys[p], &zs[p]];
+            let record = at.iter().map(|p| p.record as usize).sum();
+            sums[p * nx * ny + j * nx + i] = around(plane.tables, record, at);
+        });
+    });
 }
 
 /// The part of a 2 x 2 x 2 cluster of voxel corners that lies in one tile, along one axis: at
@@ -38,7 +30,7 @@ struct Part {
 }
 
 /// The sum over the voxel corners around a corner.
-pub(super) fn around(tables: &CountTables, record: usize, at: [&Position; 3]) -> Sums {
+fn around(tables: &CountTables, record: usize, at: [&Position; 3]) -> Sums {
     let mut sum = [0; 8];
     let strides = tables.strides();
     let split: [bool; 3] = std::array::from_fn(|a| usize::from(at[a].local) == INNER);
