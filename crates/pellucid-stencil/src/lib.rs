@@ -35,6 +35,6 @@ pub use adjoint::{Region, scatter};
 pub use changed::ChangedTiles;
 pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;
-pub use extract::Stencils;
+pub use extract::{Stencils, near_order};
 pub use octants::OCTANTS;
 pub use spec::{LevelScale, StencilSpec};

@@ -17,7 +17,7 @@ fn grid(size: [u32; 3], seed: u64) -> LabelGrid {
     LabelGrid::from_tiles(frame, |t| {
         let h = (t[0] + 5 * t[1] + 11 * t[2]) as u64 ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let h = h.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20;
-        if h % 3 == 0 {
+        if h.is_multiple_of(3) {
             return Tile::Constant((h >> 8) as u8 % 7);
         }
         let mut tile = Box::new([0; TILE_VOXELS]);
