@@ -102,7 +102,7 @@ fn main() -> Result<(), ColorError> {
     println!("  hue turned by degrees {:.2?}", DeltaEStats::of(&turned)?);
 
     let t = Instant::now();
-    let thin = ThicknessGamut::build(model, &DEFAULT_THICKNESSES_MM, options, 17, &Control::none())?;
+    let thin = ThicknessGamut::build(&model, &DEFAULT_THICKNESSES_MM, options, 17, &Control::none())?;
     println!("gamuts of {} thicknesses, 17 nodes: {:.0} ms", DEFAULT_THICKNESSES_MM.len(), milliseconds(t));
     for mm in [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 1e3] {
         let black = Lab::from_linear_rgb(thin.map([0.0; 3], mm).rgb.map(f64::from)).l;

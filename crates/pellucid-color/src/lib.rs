@@ -17,6 +17,7 @@
 //! otherwise; lengths are millimetres and coefficients 1/mm.
 #![forbid(unsafe_code)]
 
+mod cube;
 pub mod curve;
 pub mod delta_e;
 pub mod error;

@@ -35,6 +35,7 @@ pub struct BaseColor {
 
 /// Something the importer left out or put right.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Note {
     /// The part of the file.
     pub object: String,

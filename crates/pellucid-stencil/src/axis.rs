@@ -24,6 +24,10 @@ pub(crate) struct Position {
     pub before: u8,
     /// What the tile adds to the position of a tile record.
     pub record: u32,
+    /// The last two bits of the tile's coordinate.
+    pub slot: u8,
+    /// All ones where tables without offset 0 have an entry for `local`, as a mask.
+    pub inner: u16,
 }
 
 /// One axis of the volume.
@@ -39,18 +43,31 @@ pub(crate) struct Extent {
     pub stride: usize,
 }
 
-/// The corners of a batch of points along one axis, ordered `[corner][point]`.
+/// The corners of a batch of points along one axis, ordered `[corner][point]`, and sets of points
+/// by what must be done for them, one bit a point.
 pub(crate) struct Axis {
     points: usize,
     positions: Vec<Position>,
+    /// Ordered `[corner][zero, same, split][word]`; split: fresh and reaching into the next tile.
+    sets: Vec<u64>,
+}
+
+/// Which points of a corner are asked for.
+#[derive(Clone, Copy)]
+pub(crate) enum Set {
+    Zero,
+    Same,
+    Split,
 }
 
 impl Axis {
     /// Corners of `cells` cells, `edge` voxels long (even), centred on voxel coordinates `points`.
     pub fn new(cells: usize, edge: u32, extent: Extent, points: impl ExactSizeIterator<Item = u32>) -> Self {
         let count = points.len();
-        let empty = Position { kind: Kind::Zero, local: 0, before: 0, record: 0 };
+        let words = count.div_ceil(64);
+        let empty = Position { kind: Kind::Zero, local: 0, before: 0, record: 0, slot: 0, inner: 0 };
         let mut positions = vec![empty; (cells + 1) * count];
+        let mut sets = vec![0; (cells + 1) * 3 * words];
         let (low, high) = (i64::from(extent.low), i64::from(extent.high));
         let first = -(i64::from(edge) * cells as i64) / 2;
         for (p, point) in points.enumerate() {
@@ -58,14 +75,23 @@ impl Axis {
             for corner in 0..=cells {
                 // Past the upper bound nothing is added; up to the lower one there is nothing.
                 let at = (i64::from(point) + first + i64::from(edge) * corner as i64).clamp(low - 1, high);
+                let mut set = Some(Set::Zero);
                 if at >= low {
                     let kind = if at == prior { Kind::Same } else { Kind::Fresh };
-                    positions[corner * count + p] = position(kind, at as u32, extent);
+                    let position = position(kind, at as u32, extent);
+                    set = match kind {
+                        Kind::Same => Some(Set::Same),
+                        _ => (usize::from(position.local) + 1 == TILE).then_some(Set::Split),
+                    };
+                    positions[corner * count + p] = position;
+                }
+                if let Some(set) = set {
+                    sets[(corner * 3 + set as usize) * words + p / 64] |= 1 << (p % 64);
                 }
                 prior = at;
             }
         }
-        Self { points: count, positions }
+        Self { points: count, positions, sets }
     }
 
     /// One position a point.
@@ -73,9 +99,38 @@ impl Axis {
         &self.positions[corner * self.points..(corner + 1) * self.points]
     }
 
+    /// The points of a corner that a set holds, 64 from `64 word` on.
+    #[inline(always)]
+    pub fn set(&self, corner: usize, set: Set, word: usize) -> u64 {
+        self.sets[(corner * 3 + set as usize) * self.points.div_ceil(64) + word]
+    }
+
+    /// The points there are, 64 from `64 word` on.
+    #[inline(always)]
+    pub fn all(&self, word: usize) -> u64 {
+        match self.points - 64 * word {
+            0..64 => (1 << (self.points % 64)) - 1,
+            _ => u64::MAX,
+        }
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
     /// True when no corner of any point must be looked up: no box of the level meets the bounds.
     pub fn beyond(&self) -> bool {
         self.positions.iter().all(|p| p.kind == Kind::Zero)
+    }
+}
+
+/// Calls `visit` with the position of each bit set.
+#[inline(always)]
+pub(crate) fn each(mut bits: u64, mut visit: impl FnMut(usize)) {
+    while bits != 0 {
+        visit(bits.trailing_zeros() as usize);
+        bits &= bits - 1;
     }
 }
 
@@ -88,5 +143,7 @@ fn position(kind: Kind, at: u32, extent: Extent) -> Position {
         local: local as u8,
         before: (local.min(inside) + second) as u8,
         record: (tile as usize * extent.stride) as u32,
+        slot: (tile & 3) as u8,
+        inner: if local > 0 { u16::MAX } else { 0 },
     }
 }

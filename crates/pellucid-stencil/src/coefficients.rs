@@ -1,7 +1,8 @@
 //! From material counts to features.
 
-use pellucid_voxel::MaterialTable;
+use std::ops::Range;
 
+use pellucid_voxel::MaterialTable;
 use pellucid_voxel::sat::tables::LANES;
 
 use crate::kernel::{Kernel, Rows, Sums};
@@ -25,6 +26,11 @@ impl Features {
         }
     }
 
+    /// Lanes of a channel in a row of coefficients: a power of two.
+    fn lanes(self) -> usize {
+        self.len().next_power_of_two()
+    }
+
     /// Always false.
     pub fn is_empty(self) -> bool {
         false
@@ -37,12 +43,13 @@ pub struct Coefficients {
     features: Features,
     materials: usize,
     channels: usize,
-    /// Ordered `[material][value]`, the values of a channel side by side, zeros up to `width`.
+    /// Ordered `[material][distinct channel][lane]`: two or four lanes a channel hold its values,
+    /// zeros up to `width`.
     rows: Vec<f64>,
-    /// Values of a cell over the distinct channels, rounded up to a multiple of eight.
+    /// Lanes over the distinct channels, rounded up to a multiple of eight.
     width: usize,
-    /// For each channel asked for, which distinct one it repeats.
-    distinct: Vec<usize>,
+    /// For each channel asked for, the first one of equal coefficients.
+    first: Vec<usize>,
 }
 
 impl Coefficients {
@@ -65,27 +72,20 @@ impl Coefficients {
             let bits = |v: &[f32]| (v[a].to_bits(), v[b].to_bits());
             table.materials().iter().all(|m| [bits(&m.sigma_s), bits(&m.sigma_a)].iter().all(|(a, b)| a == b))
         };
-        let mut kept: Vec<usize> = Vec::new();
-        let mut distinct = Vec::with_capacity(channels.len());
-        for &channel in channels {
-            let at = kept.iter().position(|&k| same(k, channel)).unwrap_or_else(|| {
-                kept.push(channel);
-                kept.len() - 1
-            });
-            distinct.push(at);
-        }
-        let width = (kept.len() * features.len()).next_multiple_of(8);
+        let first: Vec<usize> = (0..channels.len())
+            .map(|i| (0..i).find(|&k| same(channels[k], channels[i])).unwrap_or(i))
+            .collect();
+        let kept: Vec<usize> = (0..channels.len()).filter(|&i| first[i] == i).map(|i| channels[i]).collect();
+        let width = (kept.len() * features.lanes()).next_multiple_of(8);
         let mut rows = Vec::with_capacity(table.len() * width);
         for m in table.materials() {
             for &channel in &kept {
-                rows.extend([f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel])]);
-                if features == Features::WithOccupancy {
-                    rows.push(1.0);
-                }
+                let values = [f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel]), 1.0, 0.0];
+                rows.extend(&values[..features.lanes()]);
             }
             rows.resize(rows.len().next_multiple_of(width), 0.0);
         }
-        Ok(Self { features, materials: table.len(), channels: channels.len(), rows, width, distinct })
+        Ok(Self { features, materials: table.len(), channels: channels.len(), rows, width, first })
     }
 
     /// All channels of a table in order.
@@ -129,37 +129,66 @@ impl Coefficients {
         assert_eq!(counts.len(), spec.levels() * cells * m, "counts of one point");
         assert_eq!(out.len(), self.values_per_point(spec), "descriptor of one point");
         let mut sums = vec![Sums::default(); m.div_ceil(LANES) * cells];
-        let mut scratch = Vec::new();
         for (level, counts) in counts.chunks_exact(cells * m).enumerate() {
             for (cell, counts) in counts.chunks_exact(m).enumerate() {
                 for (group, counts) in counts.chunks(LANES).enumerate() {
                     sums[group * cells + cell][..counts.len()].copy_from_slice(counts);
                 }
             }
-            self.convert_level(Kernel::detect(), spec, level, &sums, &mut scratch, out);
+            let cells = level * cells..(level + 1) * cells;
+            self.convert_cells(Kernel::detect(), spec, cells, &sums, out);
         }
     }
 
-    /// Converts one level's counts, ordered `[group][cell]`, into a whole point's descriptor.
-    pub(crate) fn convert_level(
+    /// The gradients of one level's cells by an eighth voxel of a material, from the gradients of a
+    /// point's descriptor.
+    pub(crate) fn cell_gradients(
+        &self,
+        spec: &StencilSpec,
+        level: usize,
+        material: usize,
+        gradients: &[f32],
+        cells: &mut [f64],
+    ) {
+        let f = self.features.len();
+        cells.fill(0.0);
+        for (channel, gradients) in gradients.chunks_exact(spec.cells_in_all() * f).enumerate() {
+            let distinct = (0..self.first[channel]).filter(|&c| self.first[c] == c).count();
+            let values = &self.rows[material * self.width + distinct * self.features.lanes()..][..f];
+            let gradients = &gradients[level * cells.len() * f..];
+            for (cell, gradients) in cells.iter_mut().zip(gradients.chunks_exact(f)) {
+                *cell += gradients.iter().zip(values).map(|(&g, v)| f64::from(g) * v).sum::<f64>();
+            }
+        }
+        let factor = spec.level_factor(level);
+        cells.iter_mut().for_each(|cell| *cell *= factor);
+    }
+
+    /// Converts the counts of some cells of a level, ordered `[group][cell]`, numbered over all
+    /// levels, into a whole point's descriptor.
+    pub(crate) fn convert_cells(
         &self,
         kernel: Kernel,
         spec: &StencilSpec,
-        level: usize,
+        cells: Range<usize>,
         counts: &[Sums],
-        scratch: &mut Vec<f32>,
         out: &mut [f32],
     ) {
         let f = self.features.len();
-        let cells = spec.cells_per_level();
         let per_channel = spec.cells_in_all() * f;
-        scratch.resize(cells * self.width, 0.0);
-        let rows = Rows { values: &self.rows, width: self.width, factor: spec.level_factor(level) };
-        kernel.features(&rows, self.materials, counts, scratch);
-        for (channel, &distinct) in self.distinct.iter().enumerate() {
-            let to = &mut out[channel * per_channel + level * cells * f..][..cells * f];
-            for (to, from) in to.chunks_exact_mut(f).zip(scratch.chunks_exact(self.width)) {
-                to.copy_from_slice(&from[distinct * f..(distinct + 1) * f]);
+        let rows = Rows {
+            values: &self.rows,
+            width: self.width,
+            features: f,
+            factor: spec.level_factor(cells.start / spec.cells_per_level()),
+        };
+        let out = &mut out[cells.start * f..];
+        let starts = (0..self.channels).filter(|&c| self.first[c] == c).map(|c| c * per_channel);
+        kernel.features(&rows, self.materials, counts, cells.len(), starts, out);
+        for (channel, &first) in self.first.iter().enumerate() {
+            if first != channel {
+                let from = first * per_channel..first * per_channel + cells.len() * f;
+                out.copy_within(from, channel * per_channel);
             }
         }
     }

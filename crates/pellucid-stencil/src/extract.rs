@@ -1,17 +1,23 @@
 //! Extraction for batches of points.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
 use pellucid_voxel::sat::tables::LANES;
 use pellucid_voxel::{Control, CountSat, LabelGrid, TILE};
 use rayon::prelude::*;
 
-use crate::axis::{Axis, Extent};
-use crate::kernel::{Kernel, Plane, Sums};
+use crate::changed::ChangedTiles;
+use crate::kernel::{Kernel, Sums};
+use crate::levels::Workspace;
+use crate::window;
 use crate::{Coefficients, StencilError, StencilSpec};
 
-/// Points extracted together: enough for neighbours to share table entries in the nearest cache.
-const BATCH: usize = 64;
+/// Points of one task, worked on level by level.
+const TASK: usize = 2048;
+/// Points whose corners are summed together: enough for neighbours to share table entries in the
+/// nearer caches, few enough for their sums to stay there too.
+const BATCH: usize = 1024;
 
 /// Extracts the stencils of one volume.
 ///
@@ -32,11 +38,14 @@ const BATCH: usize = 64;
 /// assert_eq!(out[67 * 2], table.get(5).unwrap().sigma_s[0]);
 /// ```
 pub struct Stencils<'a> {
-    spec: StencilSpec,
-    grid: &'a LabelGrid,
-    sat: &'a CountSat,
-    bounds: Option<([u32; 3], [u32; 3])>,
-    kernel: Kernel,
+    pub(crate) spec: StencilSpec,
+    pub(crate) grid: &'a LabelGrid,
+    pub(crate) sat: &'a CountSat,
+    /// The box that holds every solid voxel.
+    pub(crate) bounds: Option<([u32; 3], [u32; 3])>,
+    pub(crate) kernel: Kernel,
+    /// Levels that a window can hold.
+    pub(crate) fine_levels: usize,
 }
 
 impl<'a> Stencils<'a> {
@@ -51,7 +60,8 @@ impl<'a> Stencils<'a> {
                 format!("{:?} voxels for a grid of {:?}; build it from this grid", sat.size(), grid.size()),
             ));
         }
-        Ok(Self { spec, grid, sat, bounds: sat.bounds(), kernel: Kernel::detect() })
+        let fine_levels = (0..spec.levels()).filter(|&l| spec.full_count(l) <= window::MAX_COUNT).count();
+        Ok(Self { fine_levels, spec, grid, sat, bounds: sat.bounds(), kernel: Kernel::detect() })
     }
 
     /// The geometry.
@@ -77,20 +87,57 @@ impl<'a> Stencils<'a> {
         out: &mut [f32],
         control: &Control,
     ) -> Result<(), StencilError> {
-        if coefficients.materials() != self.sat.materials() {
-            return Err(StencilError::invalid(
-                "coefficients",
-                format!(
-                    "{} materials where {} are counted; build both from one material table",
-                    coefficients.materials(),
-                    self.sat.materials()
-                ),
-            ));
+        self.check_materials(coefficients)?;
+        let row = coefficients.values_per_point(&self.spec);
+        self.run(
+            points,
+            out,
+            row,
+            control,
+            |_| 0,
+            |cells, counts, out| {
+                coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
+            },
+        )
+    }
+
+    /// Brings the descriptors of `points` in `out`, extracted before some tiles changed, up to
+    /// date: a level is extracted again only where its boxes meet a changed tile. Equal to
+    /// [`Stencils::extract`], bit for bit, when `out` was.
+    ///
+    /// # Errors
+    /// As [`Stencils::extract`], and [`StencilError::Invalid`] when `changed` is of another grid.
+    pub fn refresh(
+        &self,
+        coefficients: &Coefficients,
+        points: &[[u32; 3]],
+        changed: &ChangedTiles,
+        out: &mut [f32],
+        control: &Control,
+    ) -> Result<(), StencilError> {
+        self.check_materials(coefficients)?;
+        if changed.grid_size() != self.grid.size() {
+            return Err(StencilError::invalid("changed tiles", "they belong to a grid of another size"));
         }
         let row = coefficients.values_per_point(&self.spec);
-        self.run(points, out, row, control, |level, counts, scratch, out| {
-            coefficients.convert_level(self.kernel, &self.spec, level, counts, scratch, out);
+        let first = |point| changed.first_level(&self.spec, point);
+        self.run(points, out, row, control, first, |cells, counts, out| {
+            coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
         })
+    }
+
+    fn check_materials(&self, coefficients: &Coefficients) -> Result<(), StencilError> {
+        if coefficients.materials() == self.sat.materials() {
+            return Ok(());
+        }
+        Err(StencilError::invalid(
+            "coefficients",
+            format!(
+                "{} materials where {} are counted; build both from one material table",
+                coefficients.materials(),
+                self.sat.materials()
+            ),
+        ))
     }
 
     /// Writes the counts of `points` to `out`, ordered
@@ -106,26 +153,33 @@ impl<'a> Stencils<'a> {
         out: &mut [u32],
         control: &Control,
     ) -> Result<(), StencilError> {
-        let (cells, m) = (self.spec.cells_per_level(), self.sat.materials());
-        self.run(points, out, self.spec.cells_in_all() * m, control, |level, counts, _, out| {
-            let out = &mut out[level * cells * m..(level + 1) * cells * m];
-            for (cell, out) in out.chunks_exact_mut(m).enumerate() {
-                for (group, out) in out.chunks_mut(LANES).enumerate() {
-                    out.copy_from_slice(&counts[group * cells + cell][..out.len()]);
+        let m = self.sat.materials();
+        self.run(
+            points,
+            out,
+            self.spec.cells_in_all() * m,
+            control,
+            |_| 0,
+            |cells, counts, out| {
+                for (cell, out) in out[cells.start * m..cells.end * m].chunks_exact_mut(m).enumerate() {
+                    for (group, out) in out.chunks_mut(LANES).enumerate() {
+                        out.copy_from_slice(&counts[group * cells.len() + cell][..out.len()]);
+                    }
                 }
-            }
-        })
+            },
+        )
     }
 
-    /// Sorts the points into batches of neighbours, and hands `sink` the counts of every point and
-    /// level with the point's row of `out`.
+    /// Sorts the points into batches of neighbours, and, from each point's first level on, hands `sink` ranges of each point's cells
+    /// over all levels with their counts, ordered `[group][cell]`, and the point's row of `out`.
     fn run<T: Send>(
         &self,
         points: &[[u32; 3]],
         out: &mut [T],
         row: usize,
         control: &Control,
-        sink: impl Fn(usize, &[Sums], &mut Vec<f32>, &mut [T]) + Sync,
+        first_level: impl Fn([u32; 3]) -> usize + Sync,
+        sink: impl Fn(Range<usize>, &[Sums], &mut [T]) + Sync,
     ) -> Result<(), StencilError> {
         let size = self.grid.size();
         if let Some(p) = points.iter().find(|p| (0..3).any(|a| p[a] >= size[a])) {
@@ -139,111 +193,59 @@ impl<'a> Stencils<'a> {
         }
         let mut rows: Vec<([u32; 3], &mut [T])> =
             points.iter().copied().zip(out.chunks_exact_mut(row)).collect();
-        let tile = |p: &[u32; 3]| p.map(|c| c / TILE as u32);
-        rows.par_sort_unstable_by_key(|(p, _)| {
-            let t = tile(p);
-            (t[2], t[1], t[0], p[2], p[1], p[0])
-        });
+        rows.par_sort_by_cached_key(|(p, _)| near_key(*p));
         let done = AtomicU64::new(0);
         let total = points.len() as u64;
-        rows.par_chunk_by_mut(|a, b| tile(&a.0) == tile(&b.0)).try_for_each(|group| {
-            let mut work = Workspace::default();
-            let groups = self.sat.groups().len();
-            let cells = self.spec.cells_per_level();
-            for batch in group.chunks_mut((BATCH / groups).max(1)) {
+        // Enough tasks for every thread; the split changes no value.
+        let task = points.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, TASK);
+        let batch = (BATCH / self.sat.groups().len()).max(1);
+        rows.par_chunks_mut(task).try_for_each_init(Workspace::default, |work, rows| {
+            let tile = |row: &([u32; 3], &mut [T])| row.0.map(|c| c / TILE as u32);
+            work.first.clear();
+            work.first.extend(rows.iter().map(|(p, _)| first_level(*p)));
+            let mut start = 0;
+            for rows in rows.chunk_by_mut(|a, b| tile(a) == tile(b)) {
                 control.check()?;
-                work.points.clear();
-                work.points.extend(batch.iter().map(|(p, _)| *p));
-                work.counts.clear();
-                work.counts.resize(batch.len() * groups * cells, Sums::default());
-                for level in 0..self.spec.levels() {
-                    if level == 0 {
-                        self.first_level(&work.points, &mut work.counts);
-                    } else {
-                        self.coarse_level(level, &mut work);
-                    }
-                    for ((_, out), counts) in batch.iter_mut().zip(work.counts.chunks_exact(groups * cells)) {
-                        sink(level, counts, &mut work.scratch, out);
-                    }
-                }
-                control.advance(&done, batch.len() as u64, total);
+                work.take_points(rows, start, self.fine_levels);
+                self.fine(work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                start += rows.len();
             }
+            // Level by level: neighbouring batches share most of what a level looks up.
+            for level in self.fine_levels..self.spec.levels() {
+                for (i, rows) in rows.chunks_mut(batch).enumerate() {
+                    control.check()?;
+                    work.take_points(rows, i * batch, level + 1);
+                    self.level(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                }
+            }
+            control.advance(&done, rows.len() as u64, total);
             Ok(())
         })
     }
-
-    /// Cells of single voxels, read from the labels.
-    fn first_level(&self, points: &[[u32; 3]], counts: &mut [Sums]) {
-        let cells = self.spec.cells_per_level();
-        let [nx, ny, nz] = self.spec.cells();
-        let offset = |i: usize, n: usize| i as i64 - (n / 2) as i64;
-        counts.fill(Sums::default());
-        for (p, counts) in points.iter().zip(counts.chunks_exact_mut(self.sat.groups().len() * cells)) {
-            let p = p.map(i64::from);
-            for z in 0..nz {
-                for y in 0..ny {
-                    for x in 0..nx {
-                        let at = [p[0] + offset(x, nx), p[1] + offset(y, ny), p[2] + offset(z, nz)];
-                        if let Some(m) = usize::from(self.grid.at(at)).checked_sub(1) {
-                            let cell = self.spec.cell_index([x, y, z]);
-                            counts[m / LANES * cells + cell][m % LANES] = self.spec.full_count(0);
-                        }
-                    }
-                }
-            }
-        }
-    }
-
-    /// Cells of two and more voxels, from the summed-area table.
-    fn coarse_level(&self, level: usize, work: &mut Workspace) {
-        let Workspace { points, counts, sums, columns, .. } = work;
-        let Some((low, high)) = self.bounds else { return counts.fill(Sums::default()) };
-        let n = self.spec.cells();
-        let edge = self.spec.cell_edge(level);
-        let size = self.grid.size();
-        let strides = self.sat.groups()[0].strides();
-        let axes: [Axis; 3] = std::array::from_fn(|a| {
-            let extent = Extent { size: size[a], low: low[a], high: high[a], stride: strides[a] };
-            Axis::new(n[a], edge, extent, points.iter().map(|p| p[a]))
-        });
-        if axes.iter().any(Axis::beyond) {
-            return counts.fill(Sums::default());
-        }
-        let [nx, ny, nz] = n;
-        let (per_plane, layer, cells) = ((nx + 1) * (ny + 1), nx * ny, nx * ny * nz);
-        sums.resize(points.len() * per_plane, Sums::default());
-        columns.resize(points.len() * layer, Sums::default());
-        let groups = self.sat.groups();
-        for (g, tables) in groups.iter().enumerate() {
-            for k in 0..=nz {
-                let plane = Plane {
-                    tables,
-                    xs: (0..=nx).map(|i| axes[0].corner(i)).collect(),
-                    ys: (0..=ny).map(|j| axes[1].corner(j)).collect(),
-                    z: axes[2].corner(k),
-                };
-                self.kernel.corner_sums(&plane, sums);
-                for (p, (sums, columns)) in
-                    sums.chunks_exact(per_plane).zip(columns.chunks_exact_mut(layer)).enumerate()
-                {
-                    let start = (p * groups.len() + g) * cells;
-                    let between = k.checked_sub(1).map(|k| &mut counts[start + k * layer..][..layer]);
-                    self.kernel.cell_counts(nx, sums, columns, between);
-                }
-            }
-        }
-    }
 }
 
-/// Buffers of one thread, reused from batch to batch.
-#[derive(Default)]
-struct Workspace {
-    points: Vec<[u32; 3]>,
-    /// Ordered `[point][group][cell]`.
-    counts: Vec<Sums>,
-    /// Ordered `[point][y corner][x corner]`.
-    sums: Vec<Sums>,
-    /// Ordered `[point][y cell][x cell]`.
-    columns: Vec<Sums>,
-    scratch: Vec<f32>,
+/// An order of `points` in which neighbours in space come close together, as positions in `points`.
+///
+/// A caller who extracts in several calls makes each of them cheaper by taking points in this
+/// order; within one call the order does not matter.
+///
+/// ```
+/// let points = [[40, 0, 0], [0, 0, 0], [1, 2, 3]];
+/// assert_eq!(pellucid_stencil::near_order(&points), [1, 2, 0]);
+/// ```
+pub fn near_order(points: &[[u32; 3]]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    order.par_sort_by_cached_key(|&i| near_key(points[i as usize]));
+    order
+}
+
+/// Sorts points by tile along the curve, then by layer and row.
+fn near_key(p: [u32; 3]) -> (u64, [u32; 3]) {
+    (along_curve(p.map(|c| c / TILE as u32)), [p[2], p[1], p[0]])
+}
+
+/// A position along a space-filling curve (Morton's), so that neighbours come close together.
+fn along_curve(tile: [u32; 3]) -> u64 {
+    let spread = |v: u32| (0..u32::BITS - 11).fold(0u64, |s, bit| s | u64::from(v >> bit & 1) << (3 * bit));
+    spread(tile[0]) | spread(tile[1]) << 1 | spread(tile[2]) << 2
 }

@@ -11,22 +11,30 @@
 //! | [`spec`] | cells, levels and scale: [`StencilSpec`] |
 //! | [`coefficients`] | from material counts to features of channels: [`Coefficients`] |
 //! | [`extract`] | batches of points: [`Stencils`] |
+//! | [`changed`] | which stencils a change of tiles touches: [`ChangedTiles`] |
 //! | [`octants`] | mirror images and octant views |
+//! | [`adjoint`] | gradients of descriptors carried back to voxels: [`scatter`] |
 //!
 //! Layout: `[point][channel][level][cell z][cell y][cell x][feature]`, features sigma_s, sigma_a
 //! in 1/mm and optionally occupancy.
 #![deny(unsafe_code)]
 
+pub mod adjoint;
 mod axis;
+pub mod changed;
 pub mod coefficients;
 pub mod error;
 pub mod extract;
 mod kernel;
+mod levels;
 pub mod octants;
 pub mod spec;
+mod window;
 
+pub use adjoint::{Region, scatter};
+pub use changed::ChangedTiles;
 pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;
-pub use extract::Stencils;
+pub use extract::{Stencils, near_order};
 pub use octants::OCTANTS;
 pub use spec::{LevelScale, StencilSpec};

@@ -56,7 +56,7 @@ impl StencilSpec {
         let index: Vec<usize> = (0..OCTANTS).flat_map(|o| self.octant_index(o)).collect();
         let (from, to) = (cells * features, index.len() * features);
         assert!(
-            features > 0 && levels.len() % from == 0 && views.len() == levels.len() / from * to,
+            features > 0 && levels.len().is_multiple_of(from) && views.len() == levels.len() / from * to,
             "{} values do not make octant views of {}",
             views.len(),
             levels.len()
@@ -75,7 +75,7 @@ impl StencilSpec {
     /// When `levels` is not a whole number of levels.
     pub fn mirror<T: Copy>(&self, features: usize, axes: usize, levels: &mut [T]) {
         let cells = self.cells_per_level();
-        assert!(features > 0 && levels.len() % (cells * features) == 0, "needs whole levels");
+        assert!(features > 0 && levels.len().is_multiple_of(cells * features), "needs whole levels");
         let [nx, ny, nz] = self.cells();
         for level in levels.chunks_exact_mut(cells * features) {
             for z in 0..nz {

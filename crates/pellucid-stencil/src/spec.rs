@@ -38,8 +38,9 @@ pub struct StencilSpec {
 impl StencilSpec {
     /// Most cells along one axis.
     pub const MAX_CELLS: usize = 31;
-    /// Most levels: cell sums in eighths of a voxel stay below 2^32.
-    pub const MAX_LEVELS: usize = 10;
+    /// Most levels: counts in eighths of a voxel stay below 2^28, so that their products with f32
+    /// coefficients are exact in f64.
+    pub const MAX_LEVELS: usize = 9;
 
     /// Checks and builds a spec with [`LevelScale::Raw`].
     ///

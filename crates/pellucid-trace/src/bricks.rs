@@ -83,6 +83,8 @@ struct TileBricks {
     places: [Place; PER_TILE * PER_TILE * PER_TILE],
     surface: Vec<Brick>,
     inner: Vec<Brick>,
+    /// The labels are solid where the clearance says so.
+    consistent: bool,
 }
 
 /// The bricks of a grid.
@@ -96,6 +98,8 @@ pub(crate) struct Bricks {
     /// Number of bricks with surface voxels.
     pub(crate) surface: u32,
     pub(crate) palette: Palette,
+    /// The labels are solid where the clearance says so, as far as it tells.
+    consistent: bool,
 }
 
 impl Bricks {
@@ -160,11 +164,33 @@ impl Bricks {
                     }
                 }
             });
-        Ok(Self { dims, table, pool, surface: surface as u32, palette })
+        Ok(Self {
+            dims,
+            table,
+            pool,
+            surface: surface as u32,
+            palette,
+            consistent: tiles.iter().all(|t| t.consistent),
+        })
+    }
+
+    /// True when these bricks, built with the clearance of `old`, are solid where those are.
+    pub(crate) fn same_shape(&self, old: &Self) -> bool {
+        let range = SHARED as usize..(SHARED + self.surface) as usize;
+        let solid = |w: &u32| {
+            let label = w & 0x0F0F_0F0F;
+            (label | label >> 1 | label >> 2 | label >> 3) & 0x0101_0101
+        };
+        self.consistent
+            && self.surface == old.surface
+            && self.pool[range.clone()]
+                .iter()
+                .zip(&old.pool[range])
+                .all(|(a, b)| a.0.iter().map(solid).eq(b.0.iter().map(solid)))
     }
 
     /// Brick number and voxel within it, at a position that counts the margin.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn locate(&self, v: [u32; 3]) -> (u32, u32) {
         let b = v.map(|c| c / BRICK as u32);
         let at =
@@ -173,7 +199,7 @@ impl Bricks {
     }
 
     /// The byte of a voxel at a position that counts the margin; 0, air, past its end.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn byte(&self, v: [u32; 3]) -> u8 {
         if (0..3).any(|a| v[a] >= self.dims[a] * BRICK as u32) {
             return 0;
@@ -190,10 +216,23 @@ fn tile_bricks(
     clear: &TileClearance,
     palette: &Palette,
 ) -> TileBricks {
-    let mut out = TileBricks { places: [Place::Shared(0); 64], surface: Vec::new(), inner: Vec::new() };
+    let mut out = TileBricks {
+        places: [Place::Shared(0); 64],
+        surface: Vec::new(),
+        inner: Vec::new(),
+        consistent: true,
+    };
     match (tile, clear) {
-        (_, TileClearance::Empty) => return out,
+        (Tile::Constant(label), TileClearance::Empty) => {
+            out.consistent = *label == AIR;
+            return out;
+        }
+        (Tile::Dense(labels), TileClearance::Empty) => {
+            out.consistent = labels.iter().all(|&l| l == AIR);
+            return out;
+        }
         (Tile::Constant(label), TileClearance::Deep) => {
+            out.consistent = *label != AIR;
             out.places = [Place::Shared(palette.position[usize::from(*label)] | 15 << 4); 64];
             return out;
         }
@@ -220,6 +259,7 @@ fn tile_bricks(
             }
         }
     }
+    out.consistent = bytes.iter().all(|&v| v & 15 != 0 || v == 0);
     for (b, place) in out.places.iter_mut().enumerate() {
         let origin = (b / 16 * BRICK * TILE + b / 4 % 4 * BRICK) * TILE + b % 4 * BRICK;
         let mut brick = [0u8; 64];

@@ -14,6 +14,26 @@ pub(crate) enum Phase {
     PerMaterial,
 }
 
+/// Scattering and absorption in 1/mm by palette position.
+#[derive(Clone, Debug)]
+pub(crate) struct Optics16 {
+    pub(crate) sigma_s: [f32; 16],
+    pub(crate) sigma_a: [f32; 16],
+}
+
+impl Optics16 {
+    pub(crate) fn new(materials: &MaterialTable, palette: &[u8], channel: usize) -> Self {
+        let mut out = Self { sigma_s: [0.0; 16], sigma_a: [0.0; 16] };
+        for (p, &label) in palette.iter().enumerate() {
+            if let Some(m) = materials.get(label) {
+                out.sigma_s[p] = m.sigma_s[channel];
+                out.sigma_a[p] = m.sigma_a[channel];
+            }
+        }
+        out
+    }
+}
+
 /// What a channel's walk looks up by palette position (0 is air). Unused positions are harmless.
 #[derive(Clone, Debug)]
 pub(crate) struct Coefficients {

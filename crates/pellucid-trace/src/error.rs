@@ -22,6 +22,14 @@ pub enum TraceError {
         /// The limit, and how to stay within it.
         reason: String,
     },
+    /// A file could not be read.
+    #[error("{}: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system said.
+        reason: String,
+    },
     /// The caller asked for the work to stop.
     #[error("cancelled")]
     Cancelled,

@@ -40,7 +40,8 @@ impl Flight {
 
     /// Moves to the next voxel face, onto its far side; returns the axis crossed.
     fn advance(&mut self) -> usize {
-        let floor = self.position.map(f32::floor);
+        // Positions are not negative: truncation is the floor.
+        let floor = self.position.map(|p| p as i32 as f32);
         let plane: [f32; 3] =
             std::array::from_fn(|a| if self.rate[a] > 0.0 { floor[a] + 1.0 } else { floor[a] });
         let time: [f32; 3] =
@@ -53,7 +54,7 @@ impl Flight {
             2
         };
         for a in 0..3 {
-            self.position[a] = self.rate[a].mul_add(time[axis], self.position[a]);
+            self.position[a] += self.rate[a] * time[axis];
         }
         self.position[axis] = if self.rate[axis] > 0.0 { plane[axis] } else { plane[axis].next_down() };
         axis
@@ -87,20 +88,9 @@ pub(crate) fn surface_position(volume: &Volume, voxel: [u32; 3], normal: [f32; 3
 }
 
 /// The other side of the face that a flight just crossed.
+#[inline(always)]
 fn inner_side(p: f32, upward: bool) -> f32 {
     if upward { p.next_down() } else { p.next_up() }
-}
-
-/// The axis whose face the flight crossed from solid to arrive at `position`.
-fn crossed_axis(volume: &Volume, position: [f32; 3], d: [f32; 3]) -> Option<(usize, [f32; 3])> {
-    (0..3).find_map(|a| {
-        let up = d[a] > 0.0;
-        let on_face =
-            if up { position[a] == position[a].floor() } else { position[a].next_up() == position[a].ceil() };
-        let mut inner = position;
-        inner[a] = inner_side(inner[a], up);
-        (on_face && solid(volume, inner)).then_some((a, inner))
-    })
 }
 
 /// Where a flight through air gets back into the object within a few voxels.
@@ -112,18 +102,26 @@ fn back_inside(volume: &Volume, position: [f32; 3], direction: [f32; 3]) -> Opti
     })
 }
 
-/// A path that flew along `d` and just crossed a voxel face into air at `position` meets the
-/// surface; `u` in 0..1 decides between reflection and transmission.
+/// A path that flew along `d` and just crossed a voxel face across `axis` into air at `position`
+/// meets the surface; `u` in 0..1 decides between reflection and transmission. An index of 1
+/// never reflects.
 ///
 /// The face is a step of a smooth surface whose normal n the last voxel knows. Where d does not
 /// head outward by n, the path crosses the step's notch back into the object. Otherwise it is
 /// reflected about n with Fresnel's probability; should the reflected direction still leave by
 /// the face, it too crosses the notch. Where no solid voxel follows within [`NOTCH`] voxels (a
 /// true edge), the face's own normal decides instead.
-pub(crate) fn meet(volume: &Volume, index: f32, position: [f32; 3], d: [f32; 3], u: f32) -> Outcome {
-    let Some((axis, inner)) = crossed_axis(volume, position, d) else {
-        return Outcome::Leave;
-    };
+#[inline(always)]
+pub(crate) fn meet(
+    volume: &Volume,
+    index: f32,
+    position: [f32; 3],
+    axis: usize,
+    d: [f32; 3],
+    u: f32,
+) -> Outcome {
+    let mut inner = position;
+    inner[axis] = inner_side(inner[axis], d[axis] > 0.0);
     let mut face = [0.0; 3];
     face[axis] = if d[axis] > 0.0 { 1.0 } else { -1.0 };
     let mut normal = volume.normal(voxel(inner)).unwrap_or(face);
@@ -146,10 +144,12 @@ pub(crate) fn meet(volume: &Volume, index: f32, position: [f32; 3], d: [f32; 3],
     }
 }
 
+#[inline(always)]
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+#[inline(always)]
 fn reflect(d: [f32; 3], n: [f32; 3]) -> [f32; 3] {
     let twice = 2.0 * dot(d, n);
     std::array::from_fn(|a| d[a] - twice * n[a])

@@ -21,7 +21,7 @@ pub fn internal_reflectance(cosine: f64, index: f64) -> f64 {
 }
 
 /// As [`internal_reflectance`], in the kernel's precision.
-#[inline]
+#[inline(always)]
 pub(crate) fn internal_reflectance_f32(cosine: f32, index: f32) -> f32 {
     let c = cosine.clamp(0.0, 1.0);
     let transmitted = 1.0 - index * index * (1.0 - c * c);

@@ -4,6 +4,10 @@
 //! | --- | --- |
 //! | [`volume`] | a label grid and its surface, arranged in bricks for look-ups |
 //! | [`tracer`] | radiance at surface points |
+//! | [`analytic`], [`walk`] | boxes and spheres in double precision, the kernel's reference |
+//! | [`cases`] | reference cases in JSON, analytic and voxelised (feature `cases`) |
+//! | [`adaptive`] | radiance to a target standard error |
+//! | [`assisted`] | few paths assisted by regression over surface patches; biased |
 //! | [`options`] | boundary, samples, instruction set |
 //! | [`phase`], [`fresnel`] | Henyey-Greenstein scattering, dielectric reflection |
 //!
@@ -11,11 +15,17 @@
 //! going inward along -n and ends on leaving the object. It lies within 0..=1.
 #![deny(unsafe_code)]
 
+pub mod adaptive;
+pub mod analytic;
+pub mod assisted;
 mod bricks;
+#[cfg(feature = "cases")]
+pub mod cases;
 mod clearance;
 mod coefficients;
 pub mod error;
 mod exit;
+mod features;
 pub mod fresnel;
 mod kernel;
 pub mod options;
@@ -24,9 +34,14 @@ mod rng;
 mod tally;
 pub mod tracer;
 pub mod volume;
+pub mod walk;
 
+pub use adaptive::ErrorTarget;
+pub use analytic::{AnalyticScene, Estimate, Medium, Shape};
+pub use assisted::AssistOptions;
 pub use error::TraceError;
 pub use fresnel::internal_reflectance;
 pub use options::{Backend, Boundary, RefractiveIndex, TraceOptions, Tracking};
 pub use tracer::Tracer;
 pub use volume::Volume;
+pub use walk::Optics;

@@ -20,6 +20,16 @@ impl Tally {
         self.squares += (w * w * UNIT) as u64;
     }
 
+    /// Variance of one path's contribution, from `n` paths.
+    ///
+    /// Few paths may all agree by chance: two more at the ends of the range keep the estimate
+    /// from calling a point done that is not.
+    pub(crate) fn cautious_variance(&self, n: u32) -> f64 {
+        let n = f64::from(n) + 2.0;
+        let mean = (self.sum as f64 / UNIT + 1.0) / n;
+        ((self.squares as f64 / UNIT + 1.0) / n - mean * mean).max(0.0)
+    }
+
     /// Mean over `n` paths.
     pub(crate) fn mean(&self, n: u32) -> f64 {
         self.sum as f64 / UNIT / f64::from(n)

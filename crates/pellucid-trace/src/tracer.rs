@@ -1,15 +1,16 @@
 //! Radiance at surface points, in parallel.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
 use pellucid_voxel::{Control, MaterialTable};
 use rayon::prelude::*;
 
-use crate::coefficients::Coefficients;
+use crate::coefficients::{Coefficients, Optics16};
 use crate::kernel::{self, Batch};
 use crate::tally::Tally;
 use crate::volume::{Start, Volume};
-use crate::{Backend, Boundary, TraceError, TraceOptions, rng};
+use crate::{Backend, TraceError, TraceOptions, rng};
 
 /// Paths traced by one task between looks at the cancellation flag.
 const PATHS_PER_TASK: usize = 1 << 14;
@@ -37,9 +38,10 @@ const PATHS_PER_TASK: usize = 1 << 14;
 /// assert!(radiance.iter().all(|&l| l > 0.6 && l <= 1.0));
 /// ```
 pub struct Tracer<'a> {
-    volume: &'a Volume,
+    pub(crate) volume: &'a Volume,
     channels: Vec<Coefficients>,
-    options: TraceOptions,
+    optics: Vec<Optics16>,
+    pub(crate) options: TraceOptions,
     backend: Backend,
 }
 
@@ -58,13 +60,19 @@ impl<'a> Tracer<'a> {
         let channels = (0..materials.channels())
             .map(|c| Coefficients::new(materials, volume.palette(), c, options.tracking))
             .collect();
+        let optics =
+            (0..materials.channels()).map(|c| Optics16::new(materials, volume.palette(), c)).collect();
         let backend = options.backend.unwrap_or_else(|| Backend::available()[0]);
-        Ok(Self { volume, channels, options, backend })
+        Ok(Self { volume, channels, optics, options, backend })
     }
 
     /// Number of channels, the materials'.
     pub fn channels(&self) -> usize {
         self.channels.len()
+    }
+
+    pub(crate) fn optics(&self, channel: usize) -> &Optics16 {
+        &self.optics[channel]
     }
 
     /// The instruction set in use.
@@ -118,7 +126,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Empty tallies `[point][channel]`, after checking the points and a buffer's length.
-    fn tallies_for(&self, points: &[u32], buffer: usize) -> Result<Vec<Tally>, TraceError> {
+    pub(crate) fn tallies_for(&self, points: &[u32], buffer: usize) -> Result<Vec<Tally>, TraceError> {
         let expected = points.len() * self.channels.len();
         if buffer != expected {
             return Err(TraceError::invalid(
@@ -135,73 +143,88 @@ impl<'a> Tracer<'a> {
         Ok(vec![Tally::default(); expected])
     }
 
-    /// Traces samples of every point and channel into `tallies`, `[point][channel]`.
-    fn add_samples(
+    /// Traces the same samples of every point and channel into `tallies`, `[point][channel]`.
+    pub(crate) fn add_samples(
         &self,
         points: &[u32],
         iteration: u32,
-        samples: std::ops::Range<u32>,
+        samples: Range<u32>,
         tallies: &mut [Tally],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
+        let progress =
+            Progress { control, done: AtomicU64::new(0), total: tallies.len() as u64 * samples.len() as u64 };
         let channels = self.channels.len();
-        let spp = samples.len();
-        let total = (points.len() * channels * spp) as u64;
-        let done = AtomicU64::new(0);
-        // Few points with many samples are split by sample, many points by point.
-        let points_per_task = (PATHS_PER_TASK / spp.max(1)).clamp(1, 4096);
-        let index = match self.options.boundary {
-            Boundary::Matched => None,
-            Boundary::Dielectric(n) => Some(n.get() as f32),
-        };
-        points
-            .par_chunks(points_per_task)
-            .zip(tallies.par_chunks_mut(points_per_task * channels))
-            .try_for_each(|(points, tallies)| {
+        let per_task = points_per_task(samples.len());
+        points.par_chunks(per_task).zip(tallies.par_chunks_mut(per_task * channels)).try_for_each(
+            |(points, tallies)| {
                 let starts: Vec<Start> = points.iter().map(|&p| self.volume.start(p)).collect();
-                for (c, coefficients) in self.channels.iter().enumerate() {
-                    let keys: Vec<u64> = points
-                        .iter()
-                        .map(|&p| rng::point_key(self.options.seed, iteration, c as u32, p))
-                        .collect();
-                    let parts: Vec<_> = split(samples.clone(), PATHS_PER_TASK / points.len()).collect();
-                    let sums = parts
-                        .into_par_iter()
-                        .map(|samples| {
-                            control.check()?;
-                            let paths = (samples.len() * starts.len()) as u64;
-                            let mut part = vec![Tally::default(); starts.len()];
-                            let batch = Batch {
-                                volume: self.volume,
-                                coefficients,
-                                index,
-                                roulette: self.options.roulette,
-                                starts: &starts,
-                                keys: &keys,
-                                samples,
-                            };
-                            kernel::trace(self.backend, &batch, &mut part);
-                            control.advance(&done, paths, total);
-                            Ok::<_, TraceError>(part)
-                        })
-                        .try_reduce(
-                            || vec![Tally::default(); starts.len()],
-                            |mut a, b| {
-                                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-                                Ok(a)
-                            },
-                        )?;
-                    for (p, sum) in sums.into_iter().enumerate() {
-                        tallies[p * channels + c] += sum;
-                    }
+                for c in 0..channels {
+                    let sums = self.trace(points, &starts, c, iteration, samples.clone(), &progress)?;
+                    sums.into_iter().enumerate().for_each(|(p, sum)| tallies[p * channels + c] += sum);
                 }
                 Ok(())
+            },
+        )
+    }
+
+    /// Traces samples of a few points in one channel.
+    pub(crate) fn trace(
+        &self,
+        points: &[u32],
+        starts: &[Start],
+        channel: usize,
+        iteration: u32,
+        samples: Range<u32>,
+        progress: &Progress<'_, '_>,
+    ) -> Result<Vec<Tally>, TraceError> {
+        let keys: Vec<u64> =
+            points.iter().map(|&p| rng::point_key(self.options.seed, iteration, channel as u32, p)).collect();
+        // Few points with many samples are split by sample.
+        let parts: Vec<_> = split(samples, PATHS_PER_TASK / points.len().max(1)).collect();
+        parts
+            .into_par_iter()
+            .map(|samples| {
+                progress.control.check()?;
+                let paths = (samples.len() * starts.len()) as u64;
+                let mut part = vec![Tally::default(); starts.len()];
+                let batch = Batch {
+                    volume: self.volume,
+                    coefficients: &self.channels[channel],
+                    index: self.options.boundary.index() as f32,
+                    roulette: self.options.roulette,
+                    starts,
+                    keys: &keys,
+                    samples,
+                };
+                kernel::trace(self.backend, &batch, &mut part);
+                progress.control.advance(&progress.done, paths, progress.total);
+                Ok(part)
             })
+            .try_reduce(
+                || vec![Tally::default(); starts.len()],
+                |mut a, b| {
+                    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+                    Ok(a)
+                },
+            )
     }
 }
 
+/// Progress in paths, shared by tasks.
+pub(crate) struct Progress<'a, 'c> {
+    pub(crate) control: &'a Control<'c>,
+    pub(crate) done: AtomicU64,
+    pub(crate) total: u64,
+}
+
+/// How many points of `spp` paths make a task.
+pub(crate) fn points_per_task(spp: usize) -> usize {
+    (PATHS_PER_TASK / spp.max(1)).clamp(1, 4096)
+}
+
 /// Consecutive ranges of at most `most` (at least 1) samples, of nearly equal length.
-fn split(samples: std::ops::Range<u32>, most: usize) -> impl Iterator<Item = std::ops::Range<u32>> {
+fn split(samples: Range<u32>, most: usize) -> impl Iterator<Item = Range<u32>> {
     let n = samples.len();
     let parts = n.div_ceil(most.max(1)).max(1);
     (0..parts)

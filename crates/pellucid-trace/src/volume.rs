@@ -72,7 +72,7 @@ impl Volume {
     /// Takes over new materials from a grid whose solid voxels are those this volume was built of.
     ///
     /// # Errors
-    /// [`TraceError::Invalid`] when the grid lies in another frame or its surface bricks differ,
+    /// [`TraceError::Invalid`] when the grid lies in another frame or its solid voxels differ,
     /// otherwise as [`Volume::new`]. The volume is unchanged after an error.
     pub fn set_labels(&mut self, grid: &LabelGrid, control: &Control<'_>) -> Result<(), TraceError> {
         if *grid.frame() != self.frame {
@@ -80,7 +80,7 @@ impl Volume {
         }
         control.check()?;
         let bricks = Bricks::build(grid, &self.clearance)?;
-        if bricks.surface != self.bricks.surface {
+        if !bricks.same_shape(&self.bricks) {
             return Err(TraceError::invalid("label grid", "its solid voxels differ; build a new volume"));
         }
         self.bricks = bricks;
@@ -125,7 +125,7 @@ impl Volume {
     }
 
     /// Smooth outward normal of a voxel at a position that counts the margin.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn normal(&self, v: [u32; 3]) -> Option<[f32; 3]> {
         let (brick, local) = self.bricks.locate(v);
         self.normals.get(brick.wrapping_sub(SHARED), local)
@@ -138,6 +138,13 @@ impl Volume {
         let n = self.outward[point as usize];
         let position = exit::surface_position(self, v, n);
         Start { position, direction: n.map(|c| -c), byte: self.bricks.byte(exit::voxel(position)) }
+    }
+
+    /// Centre of a surface point's voxel in mm from the frame's origin.
+    pub(crate) fn point_mm(&self, point: u32) -> [f64; 3] {
+        let mm = self.frame.pitch().mm();
+        let v = self.voxels[point as usize];
+        std::array::from_fn(|a| (f64::from(v[a]) + 0.5) * mm[a])
     }
 
     /// Checks that every label in use has a material.
@@ -182,7 +189,7 @@ impl Normals {
         Self { mask, first, normals }
     }
 
-    #[inline]
+    #[inline(always)]
     fn get(&self, brick: u32, local: u32) -> Option<[f32; 3]> {
         let mask = *self.mask.get(brick as usize)?;
         let bit = 1u64 << local;

@@ -8,8 +8,9 @@
 //!   moment in a ball of twice the radius is taken instead where it differs by no more than that
 //!   uncertainty, about the voxel edge along the normal over the radius. So level and gently
 //!   curved parts are smoothed more, and edges are not.
-//! - Where the moment is weak the solid may be a thin sheet. If the solid voxels are spread far
-//!   less along one direction than along the others, that direction is the normal's axis.
+//! - Where the moment is weak the solid may be a thin sheet. If the solid voxels of either ball
+//!   are spread far less along one direction than along the others, that direction is the
+//!   normal's axis.
 //! - An estimate must not point into the solid: its product with the sum of the directions to
 //!   the voxel's open faces must be positive. Else the ball's radius is halved, which leaves
 //!   other parts nearby, such as the far side of a narrow gap, out of it.
@@ -17,6 +18,10 @@
 //! When no ball serves, the sum of the open faces' directions is taken; when that is zero too
 //! (a lone voxel), the first open face in the order +z, -z, +x, -x, +y, -y. A sheet one voxel
 //! thick has no outer side: its normal's sign is arbitrary but the same on every run.
+//!
+//! At the J750's pitch and the default radius the tests' tilted planes are met to 0.8 degrees
+//! root mean square (7 at most), a 6 mm sphere to 0.4, tilted sheets of 0.12, 0.2, 0.3 and 0.5 mm
+//! to 1.0, 1.3, 2.0 and 0.6. Planes close to the coarse y axis are the hardest.
 
 use crate::eigen::symmetric_eigen;
 use crate::normal_window::{Block, MAX_REACH, Moments, Window};
@@ -27,7 +32,9 @@ const LEAST_EDGES: f64 = 1.75;
 /// Least moment taken, as a part of that of a half-space.
 const LEAST_MOMENT: f64 = 0.05;
 /// Moment below which the solid may be a thin sheet, as a part of that of a half-space.
-const SHEET_MOMENT: f64 = 0.75;
+const SHEET_MOMENT: f64 = 0.85;
+/// Least cosine between the moment and a sheet's normal from the wide ball.
+const ALIKE: f64 = 0.7;
 /// Greatest variance across a sheet as a part of the next greater one.
 const SHEET_VARIANCE: f64 = 0.15;
 /// Angle in voxel edges along the normal over the radius that a ball leaves uncertain.
@@ -85,11 +92,12 @@ impl<'a> NormalEstimator<'a> {
         for (i, window) in self.windows.iter().enumerate() {
             let moment = self.outward_mm(window.first(block, local));
             let length = dot(moment, moment).sqrt();
-            if i == 0
-                && length < SHEET_MOMENT * window.half_space
-                && let Some(n) = self.sheet_normal(&window.moments(block, local), moment, open)
-            {
-                return n;
+            if i == 0 && length < SHEET_MOMENT * window.half_space {
+                let sheet = |window: &Window| self.sheet_normal(&window.moments(block, local), moment, open);
+                let alike = |n: &[f64; 3]| dot(*n, moment) > ALIKE * length;
+                if let Some(n) = sheet(window).or_else(|| sheet(&self.wide).filter(alike)) {
+                    return n;
+                }
             }
             if length >= LEAST_MOMENT * window.half_space && outward(moment) {
                 let n = moment.map(|c| c / length);
@@ -240,7 +248,7 @@ mod tests {
     fn both_sides_of_thin_sheets() {
         for thickness in [0.12, 0.2, 0.3, 0.5] {
             let (mut axis_angles, mut wrong_sides) = (Vec::new(), 0);
-            for n in directions(24) {
+            for n in directions(40) {
                 let grid = carve(Pitch::j750(), 1.0, |p| dot(p, n).abs() <= thickness / 2.0);
                 // A sheet under two voxels along its normal has voxels that belong to both sides.
                 let edges = (0..3).map(|a| n[a].abs() * grid.frame().pitch().mm()[a]).sum::<f64>();
@@ -252,14 +260,14 @@ mod tests {
                 axis_angles.extend(found.iter().map(|a| a.min(180.0 - a)));
             }
             assert_eq!(wrong_sides, 0, "thickness {thickness}");
-            assert!(rms(&axis_angles) < 4.0, "thickness {thickness}: {}", rms(&axis_angles));
+            assert!(rms(&axis_angles) < 2.5, "thickness {thickness}: {}", rms(&axis_angles));
         }
     }
 
     #[test]
     fn a_narrow_gap_does_not_turn_normals_over() {
         // Sheets of 0.15 and 0.8 mm with 0.1 mm of air between them.
-        for n in directions(24) {
+        for n in directions(40) {
             let grid = carve(Pitch::j750(), 1.2, |p| {
                 let h = dot(p, n);
                 (-0.15..=0.0).contains(&h) || (0.1..=0.9).contains(&h)

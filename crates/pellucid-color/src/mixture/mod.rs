@@ -246,6 +246,11 @@ impl MixtureModel {
         self.white_rgb
     }
 
+    /// Largest component of a perfect diffuser relative to the media white, at least 1.
+    pub(crate) fn brightest(&self) -> f64 {
+        self.white_rgb.iter().map(|w| 1.0 / w).fold(1.0, f64::max)
+    }
+
     /// Radiance per channel of a mixture (0 to 1), into `out`; the shorter length counts.
     pub fn radiance(&self, fractions: &[f32], out: &mut [f64]) {
         let x = self.widen(fractions);

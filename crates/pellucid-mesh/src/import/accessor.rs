@@ -4,9 +4,8 @@
 use super::buffers::Buffers;
 use super::extensions;
 use super::schema;
+use super::source::REEXPORT;
 use crate::MeshError;
-
-const REEXPORT: &str = "the file is damaged or not valid glTF 2.0; export it again";
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Component {
@@ -227,7 +226,7 @@ fn elements<'b>(
         None => Err(buffers.source().invalid(
             object,
             format!("{count} elements do not fit into buffer view {view}"),
-            "the file is damaged or not valid glTF 2.0; export it again",
+            REEXPORT,
         )),
     }
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
 
 use super::schema::{BufferView, Root};
-use super::source::{Source, label};
+use super::source::{REEXPORT, Source, label};
 use super::{extensions, uri};
 use crate::MeshError;
 
@@ -50,7 +50,7 @@ impl<'a> Buffers<'a> {
             return Err(self.source.invalid(
                 object,
                 format!("buffer view {index} does not exist, there are {}", self.root.buffer_views.len()),
-                "the file is not valid glTF 2.0; export it again",
+                REEXPORT,
             ));
         };
         extensions::refuse_compressed_view(self.source, object, view)?;
@@ -67,7 +67,7 @@ impl<'a> Buffers<'a> {
                     view.buffer,
                     buffer.len()
                 ),
-                "the file is damaged or not valid glTF 2.0; export it again",
+                REEXPORT,
             ));
         };
         Ok((view, bytes))
@@ -78,7 +78,7 @@ impl<'a> Buffers<'a> {
             return Err(self.source.invalid(
                 object,
                 format!("buffer {index} does not exist, there are {}", self.loaded.len()),
-                "the file is not valid glTF 2.0; export it again",
+                REEXPORT,
             ));
         };
         if let Some(bytes) = cell.get() {

@@ -2,9 +2,11 @@
 
 /// Bounds on what a model may ask for, checked before anything is read or allocated.
 ///
-/// Peak memory of an import stays below about twice the file's size plus 64 bytes a vertex,
-/// 28 bytes a triangle, `texture_bytes`, and 8 bytes a pixel of the largest texture.
+/// Peak memory of an import is about the size of the files read, 1 KiB a JSON container,
+/// 100 bytes a vertex, 80 bytes a triangle, `texture_bytes`, and 16 bytes a pixel of the largest
+/// texture, none of it more than these limits allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct ImportLimits {
     /// Bytes of the model file, and of all files and data URIs it refers to together. 1 GiB.
     pub file_bytes: u64,

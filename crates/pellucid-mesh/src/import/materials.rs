@@ -5,12 +5,10 @@ use std::sync::Arc;
 
 use super::buffers::Buffers;
 use super::schema::{Sampler as SamplerJson, TextureInfo};
-use super::source::label;
+use super::source::{REEXPORT, label};
 use super::{extensions, picture};
 use crate::texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
 use crate::{BaseColor, MeshError};
-
-const REEXPORT: &str = "the file is not valid glTF 2.0; export it again";
 
 /// Where a material's texture coordinates come from.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -39,7 +39,7 @@ use crate::{MeshError, Model};
 use buffers::Buffers;
 use materials::Materials;
 use primitive::{Assembly, Placement};
-use source::{Source, label};
+use source::{REEXPORT, Source, label};
 
 /// Imports a model file; files it refers to must lie in its folder.
 ///
@@ -60,6 +60,29 @@ pub fn import_path(path: impl AsRef<Path>, limits: &ImportLimits) -> Result<Mode
 ///
 /// # Errors
 /// As [`import_path`].
+///
+/// # Examples
+/// ```
+/// use pellucid_mesh::{ImportLimits, import_slice};
+///
+/// let gltf = br#"{
+///     "asset": {"version": "2.0"},
+///     "nodes": [{"mesh": 0}],
+///     "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+///     "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0, 1]}}],
+///     "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+///     "bufferViews": [{"buffer": 0, "byteLength": 36}],
+///     "buffers": [{"byteLength": 36, "uri": "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
+/// }"#;
+/// let model = import_slice("triangle.gltf", gltf, None, &ImportLimits::default())?;
+/// // glTF's third corner (0, 1, 0) points up, which is z in print axes.
+/// assert_eq!(model.corners_m(0)[2], [0.0, 0.0, 1.0]);
+/// assert_eq!(model.color_at(0, [0.2, 0.3, 0.5], 0.0), [1.0, 0.5, 0.0]);
+///
+/// let error = import_slice("triangle.gltf", &gltf[..99], None, &ImportLimits::default()).unwrap_err();
+/// assert!(error.to_string().starts_with("triangle.gltf: JSON: EOF"));
+/// # Ok::<(), pellucid_mesh::MeshError>(())
+/// ```
 pub fn import_slice(
     name: &str,
     bytes: &[u8],
@@ -92,7 +115,7 @@ fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
             return Err(source.invalid(
                 label("node", index, node.name.as_deref()),
                 format!("mesh {mesh_index} does not exist, there are {}", root.meshes.len()),
-                "the file is not valid glTF 2.0; export it again",
+                REEXPORT,
             ));
         };
         let joints = match node.skin {

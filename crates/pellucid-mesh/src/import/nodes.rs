@@ -3,10 +3,8 @@
 use glam::{DMat4, DQuat, DVec3};
 
 use super::schema::{Node, Root};
-use super::source::{Source, label};
+use super::source::{REEXPORT, Source, label};
 use crate::MeshError;
-
-const REEXPORT: &str = "the file is not valid glTF 2.0; export it again";
 
 /// A checked node tree.
 pub(super) struct Nodes {

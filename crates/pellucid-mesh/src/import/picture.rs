@@ -5,7 +5,7 @@ use std::io::Cursor;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::buffers::Buffers;
-use super::source::{label, quoted};
+use super::source::{REEXPORT, label, quoted};
 use crate::MeshError;
 use crate::texture::Image;
 
@@ -21,7 +21,7 @@ pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Resul
         return Err(source.invalid(
             label("image", index, None),
             format!("it does not exist, there are {}", root.images.len()),
-            "the file is not valid glTF 2.0; export it again",
+            REEXPORT,
         ));
     };
     let object = label("image", index, image.name.as_deref());

@@ -8,9 +8,8 @@ use super::extensions;
 use super::materials::Resolved;
 use super::schema::Primitive;
 use super::skin::Influences;
+use super::source::REEXPORT;
 use crate::{MeshError, Triangle, Vertex};
-
-const REEXPORT: &str = "the file is damaged or not valid glTF 2.0; export it again";
 
 use Component::{F32, I8, I16, U8, U16, U32};
 

@@ -6,10 +6,8 @@ use super::accessor::{Accessor, Component, Shape};
 use super::buffers::Buffers;
 use super::nodes::Nodes;
 use super::schema::Primitive;
-use super::source::label;
+use super::source::{REEXPORT, label};
 use crate::MeshError;
-
-const REEXPORT: &str = "the file is not valid glTF 2.0; export it again";
 
 const MATRICES: Shape = Shape { kinds: &["MAT4"], components: &[Component::F32], zeros: false };
 const JOINTS: Shape = Shape { kinds: &["VEC4"], components: &[Component::U8, Component::U16], zeros: false };

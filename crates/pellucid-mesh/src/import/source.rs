@@ -9,6 +9,9 @@ use crate::{MeshError, Note};
 /// Most notes kept of one import; a file with thousands of odd parts repeats itself.
 const MAX_NOTES: usize = 64;
 
+/// The remedy where only the program that wrote the file can help.
+pub(super) const REEXPORT: &str = "the file is damaged or not valid glTF 2.0; export it again";
+
 /// The model being imported.
 pub(super) struct Source<'a> {
     pub file: &'a str,

@@ -182,6 +182,46 @@ fn needles_and_grains_are_kept() {
 }
 
 #[test]
+fn thin_round_rods_have_no_gap_longer_than_a_voxel() {
+    // Radii of 0.1 to 0.45 voxels, slowly drifting across the grid, with an anchor that fixes it.
+    for radius in [0.1, 0.25, 0.45] {
+        let pitch = [0.05; 3];
+        let (n, r) = (24u32, radius * 0.05);
+        let positions: Vec<Vec3> = (0..2 * n)
+            .map(|k| {
+                let a = f64::from(k % n) / f64::from(n) * std::f64::consts::TAU;
+                let z = 4.0 * f64::from(k / n);
+                [1.0 + 0.05 * z + r * a.cos(), 1.0 + 0.08 * z + r * a.sin(), z]
+            })
+            .collect();
+        let side = (0..n).flat_map(|i| {
+            let (j, up) = ((i + 1) % n, n);
+            [[i, j, j + up], [i, j + up, i + up]]
+        });
+        let ends = (1..n - 1).flat_map(|i| [[0, i + 1, i], [n, n + i, n + i + 1]]);
+        let rod = Shape { positions, triangles: side.chain(ends).collect() };
+        let v = run(&rod.and(&Shape::cuboid([0.0; 3], [0.5; 3])), pitch);
+        assert!(v.report.closed);
+        let mut empty = 0;
+        for layer in 1..79 {
+            let z = (f64::from(layer) + 0.5) * 0.05;
+            let [x, y, k] = v.grid.frame().voxel_at([1.0 + 0.05 * z, 1.0 + 0.08 * z, z]);
+            let any = (0..25).any(|i| v.grid.at([x + i % 5 - 2, y + i / 5 - 2, k]) == 5);
+            empty = if any { 0 } else { empty + 1 };
+            assert!(empty <= 1, "radius {radius}: gap at {z} mm");
+        }
+    }
+}
+
+#[test]
+fn sharp_edges_of_a_thick_body_get_no_voxels() {
+    // A square prism turned so that every long edge cuts lines of two axes short.
+    let (c, s) = (0.6f64.cos(), 0.6f64.sin());
+    let prism = Shape::cuboid([0.0; 3], [2.0; 3]).moved(|[x, y, z]| [c * x - s * y, s * x + c * y, z]);
+    assert_eq!(run(&prism, [0.05; 3]).report.thin_voxels, 0);
+}
+
+#[test]
 fn a_hemisphere_without_base_is_closed_flat() {
     let half = Shape::sphere([0.0; 3], 3.0, 6).keeping(|_, t| t.iter().all(|p| p[2] >= -1e-9));
     let v = run(&half, J750);

@@ -3,27 +3,21 @@
 use pellucid_voxel::TILE;
 use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables};
 
-use super::{Plane, Rows, Sums};
-use crate::axis::{Kind, Position};
+use super::{Plane, Rows, Sums, each_corner};
+use crate::axis::{Position, each};
 
 pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
-    let (nx, ny) = (plane.xs.len(), plane.ys.len());
-    let strides = plane.tables.strides();
-    for j in 0..ny {
-        for i in 0..nx {
-            for (p, sums) in sums.chunks_exact_mut(nx * ny).enumerate() {
-                let at = [&plane.xs[i][p], &plane.ys[j][p], &plane.z[p]];
-                let to = j * nx + i;
-                match at.map(|a| a.kind) {
-                    [_, _, Kind::Same] => {}
-                    kinds if kinds.contains(&Kind::Zero) => sums[to] = [0; 8],
-                    [Kind::Same, ..] => sums[to] = sums[to - 1],
-                    [_, Kind::Same, _] => sums[to] = sums[to - nx],
-                    _ => sums[to] = around(plane.tables, strides, at),
-                }
-            }
-        }
-    }
+    let [nx, ny] = plane.n;
+    let zs = plane.axes[2].corner(plane.k);
+    each_corner(plane, sums, |sums, [i, j, word], fresh, _| {
+        let (xs, ys) = (plane.axes[0].corner(i), plane.axes[1].corner(j));
+        each(fresh, |p| {
+            let p = 64 * word + p;
+            let at = [&xs[p], &ys[p], &zs[p]];
+            let record = at.iter().map(|p| p.record as usize).sum();
+            sums[p * nx * ny + j * nx + i] = around(plane.tables, record, at);
+        });
+    });
 }
 
 /// The part of a 2 x 2 x 2 cluster of voxel corners that lies in one tile, along one axis: at
@@ -36,9 +30,9 @@ struct Part {
 }
 
 /// The sum over the voxel corners around a corner.
-fn around(tables: &CountTables, strides: [usize; 3], at: [&Position; 3]) -> Sums {
+fn around(tables: &CountTables, record: usize, at: [&Position; 3]) -> Sums {
     let mut sum = [0; 8];
-    let record: usize = at.iter().map(|p| p.record as usize).sum();
+    let strides = tables.strides();
     let split: [bool; 3] = std::array::from_fn(|a| usize::from(at[a].local) == INNER);
     for step in 0..8usize {
         if (0..3).any(|a| step >> a & 1 == 1 && !split[a]) {
@@ -128,7 +122,7 @@ fn add_times(to: &mut Sums, counts: &Lanes, times: u32) {
 }
 
 #[inline(always)]
-pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], mut cells: Option<&mut [Sums]>) {
+pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mut [Sums]) {
     for (j, row) in columns.chunks_exact_mut(nx).enumerate() {
         let near = &sums[j * (nx + 1)..(j + 1) * (nx + 1)];
         let far = &sums[(j + 1) * (nx + 1)..(j + 2) * (nx + 1)];
@@ -136,27 +130,36 @@ pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], mut ce
             let new: Sums = std::array::from_fn(|m| {
                 far[i + 1][m].wrapping_sub(far[i][m]).wrapping_sub(near[i + 1][m]).wrapping_add(near[i][m])
             });
-            if let Some(cells) = &mut cells {
-                cells[j * nx + i] = std::array::from_fn(|m| new[m].wrapping_sub(column[m]));
-            }
+            cells[j * nx + i] = std::array::from_fn(|m| new[m].wrapping_sub(column[m]));
             *column = new;
         }
     }
 }
 
-pub(super) fn features(rows: &Rows, materials: usize, counts: &[Sums], out: &mut [f32]) {
-    let cells = out.len() / rows.width;
-    let mut sums = vec![0.0; rows.width];
-    for (cell, out) in out.chunks_exact_mut(rows.width).enumerate() {
-        sums.fill(0.0);
+/// Features of the channels in the eight lanes from `at` on, each written from its start.
+pub(super) fn features(
+    rows: &Rows,
+    materials: usize,
+    at: usize,
+    counts: &[Sums],
+    cells: usize,
+    channels: [Option<usize>; 4],
+    out: &mut [f32],
+) {
+    let lanes = rows.features.next_power_of_two();
+    for cell in 0..cells {
+        let mut sums = [0.0; 8];
         for (m, row) in rows.values.chunks_exact(rows.width).take(materials).enumerate() {
             let count = f64::from(counts[m / LANES * cells + cell][m % LANES]);
-            for (sum, value) in sums.iter_mut().zip(row) {
+            for (sum, value) in sums.iter_mut().zip(&row[at..]) {
                 *sum += count * value;
             }
         }
-        for (out, sum) in out.iter_mut().zip(&sums) {
-            *out = (sum * rows.factor) as f32;
+        for (sums, start) in sums.chunks_exact(lanes).zip(channels.iter().flatten()) {
+            let out = &mut out[start + cell * rows.features..][..rows.features];
+            for (out, sum) in out.iter_mut().zip(sums) {
+                *out = (sum * rows.factor) as f32;
+            }
         }
     }
 }

@@ -17,7 +17,7 @@ fn grid(size: [u32; 3], seed: u64) -> LabelGrid {
     LabelGrid::from_tiles(frame, |t| {
         let h = (t[0] + 5 * t[1] + 11 * t[2]) as u64 ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let h = h.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20;
-        if h % 3 == 0 {
+        if h.is_multiple_of(3) {
             return Tile::Constant((h >> 8) as u8 % 7);
         }
         let mut tile = Box::new([0; TILE_VOXELS]);
@@ -40,7 +40,7 @@ proptest! {
         size in [1u32..70, 1u32..70, 1u32..70],
         seed: u64,
         level in 1usize..7,
-        picks in prop::collection::vec([any::<u32>(), any::<u32>(), any::<u32>()], 1..9),
+        picks in prop::collection::vec([any::<u32>(), any::<u32>(), any::<u32>()], 1..140),
     ) {
         let grid = grid(size, seed);
         let sat = CountSat::build(&grid, 6, &Control::none()).unwrap();
@@ -53,12 +53,7 @@ proptest! {
             let mut expected = vec![Sums::default(); picks.len() * 24];
             let mut sums = expected.clone();
             for k in 0..10 {
-                let plane = Plane {
-                    tables,
-                    xs: (0..6).map(|i| axes[0].corner(i)).collect(),
-                    ys: (0..4).map(|j| axes[1].corner(j)).collect(),
-                    z: axes[2].corner(k),
-                };
+                let plane = Plane { tables, axes: &axes, n: [6, 4], k };
                 Kernel::Scalar.corner_sums(&plane, &mut expected);
                 for form in forms() {
                     form.corner_sums(&plane, &mut sums);
@@ -76,18 +71,22 @@ proptest! {
     ) {
         let counts: Vec<Sums> = counts.iter().map(|c| c.map(|n| n >> 5)).collect();
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
-        let rows = Rows { values: &values, width: 16, factor: f64::powi(2.0, exponent) };
-        let mut expected = vec![0.0; 12 * 16];
-        Kernel::Scalar.features(&rows, 6, &counts, &mut expected);
+        for (f, starts) in [(2, vec![0, 30, 60, 90, 200]), (3, vec![0, 40, 200]), (2, vec![7])] {
+            let rows = Rows { values: &values, width: 16, features: f, factor: f64::powi(2.0, exponent) };
+            let mut expected = vec![-1.0; 240];
+            Kernel::Scalar.features(&rows, 6, &counts, 12, starts.iter().copied(), &mut expected);
+            for form in forms() {
+                let mut out = vec![-1.0; expected.len()];
+                form.features(&rows, 6, &counts, 12, starts.iter().copied(), &mut out);
+                let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+                prop_assert_eq!(bits(&out), bits(&expected));
+            }
+        }
         for form in forms() {
-            let mut out = vec![0.0; expected.len()];
-            form.features(&rows, 6, &counts, &mut out);
-            let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            prop_assert_eq!(bits(&out), bits(&expected));
             let (mut columns, mut cells) = (counts[..15].to_vec(), vec![Sums::default(); 15]);
             let (mut same_columns, mut same_cells) = (columns.clone(), cells.clone());
-            Kernel::Scalar.cell_counts(5, &counts, &mut columns, Some(&mut cells));
-            form.cell_counts(5, &counts, &mut same_columns, Some(&mut same_cells));
+            Kernel::Scalar.cell_counts(5, &counts, &mut columns, &mut cells);
+            form.cell_counts(5, &counts, &mut same_columns, &mut same_cells);
             prop_assert_eq!((columns, cells), (same_columns, same_cells));
         }
     }

@@ -59,7 +59,7 @@ pub fn label_at(kind: u8, labels: u8, size: [u32; 3], v: [u32; 3], seed: u64) ->
             }
         }
         _ => {
-            if hash(v.map(i64::from), seed) % 97 == 0 {
+            if hash(v.map(i64::from), seed).is_multiple_of(97) {
                 1 + noise(1) % labels
             } else {
                 0

@@ -59,7 +59,7 @@ pub(crate) trait Lanes: Copy {
     /// From signed integers.
     fn to_f(self, a: Self::I) -> Self::F;
     fn bits(self, a: Self::F) -> Self::I;
-    fn from_bits(self, a: Self::I) -> Self::F;
+    fn floats(self, a: Self::I) -> Self::F;
     /// `words[i]` per lane.
     ///
     /// # Safety

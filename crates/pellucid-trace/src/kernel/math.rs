@@ -18,16 +18,16 @@ pub(super) fn neg_ln<L: Lanes>(l: L, u: L::F) -> L::F {
     let shifted = l.sub_i(l.bits(u), bias);
     let e = l.to_f(l.sub_i(l.shr::<23>(l.add_i(shifted, l.splat_i(0x4000_0000))), l.splat_i(128)));
     let mantissa = l.add_i(l.and_i(shifted, l.splat_i(0x007F_FFFF)), bias);
-    let x = l.sub(l.from_bits(mantissa), l.splat(1.0));
+    let x = l.sub(l.floats(mantissa), l.splat(1.0));
     let mut p = l.splat(-0.103_783_146);
     for c in [
-        0.163_379_876_f32,
-        -0.172_124_874,
-        0.198_842_573,
-        -0.249_715_573,
-        0.333_356_072,
-        -0.500_003_443,
-        0.999_999_918,
+        0.163_379_88_f32,
+        -0.172_124_87,
+        0.198_842_57,
+        -0.249_715_57,
+        0.333_356_08,
+        -0.500_003_46,
+        0.999_999_9,
     ] {
         p = l.fma(p, x, l.splat(c));
     }
@@ -39,13 +39,13 @@ pub(super) fn neg_ln<L: Lanes>(l: L, u: L::F) -> L::F {
 #[inline(always)]
 pub(super) fn sin_cos_turn<L: Lanes>(l: L, a: L::F) -> (L::F, L::F) {
     let z = l.mul(a, a);
-    let mut s = l.splat(0.077_659_405);
-    for c in [-0.598_292_158_f32, 2.550_077_66, -5.167_710_09, 3.141_592_64] {
+    let mut s = l.splat(0.077_659_406);
+    for c in [-0.598_292_2_f32, 2.550_077_7, -5.167_71, std::f32::consts::PI] {
         s = l.fma(s, z, l.splat(c));
     }
     let s = l.mul(s, a);
-    let mut c = l.splat(0.219_696_787);
-    for k in [-1.331_880_16_f32, 4.058_411_91, -4.934_792_86, 0.999_999_953] {
+    let mut c = l.splat(0.219_696_78);
+    for k in [-1.331_880_2_f32, 4.058_412, -4.934_793, 0.999_999_95] {
         c = l.fma(c, z, l.splat(k));
     }
     let twice = l.add(s, s);

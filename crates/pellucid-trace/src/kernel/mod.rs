@@ -16,7 +16,7 @@ use std::ops::Range;
 
 use lanes::Lanes;
 use portable::Portable;
-use step::{Constants, Paths};
+use step::{Constants, Events, Paths};
 
 use crate::Backend;
 use crate::bricks::Brick;
@@ -38,8 +38,8 @@ const REFILL: u32 = 3;
 pub(crate) struct Batch<'a> {
     pub(crate) volume: &'a Volume,
     pub(crate) coefficients: &'a Coefficients,
-    /// Refractive index, or `None` where every path that meets the surface leaves.
-    pub(crate) index: Option<f32>,
+    /// Refractive index.
+    pub(crate) index: f32,
     pub(crate) roulette: f32,
     pub(crate) starts: &'a [Start],
     /// Random key of each start.
@@ -153,10 +153,7 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
             let events = step::step::<L, REGULAR, PER_MATERIAL>(l, &constants, &mut v.paths, l.mask(v.alive));
             let air = l.mask_bits(events.air);
             if air != 0 {
-                let left = match batch.index {
-                    None => air,
-                    Some(index) => surface_events(l, volume, index, v, air, l.store(events.reflection)),
-                };
+                let left = surface_events(l, volume, batch.index, v, &events);
                 if left != 0 {
                     let weights = l.store(v.paths.weight);
                     for lane in bits(left) {
@@ -237,21 +234,17 @@ fn refill<L: Lanes>(l: L, v: &mut Vector<L>, jobs: &mut Jobs<'_>, steps: u64) {
     }
     p.weight = l.select(m, l.splat(1.0), p.weight);
     p.flight = l.select(m, l.splat(0.0), p.flight);
-    p.byte = l.bits(l.select(m, l.from_bits(l.load_i(&byte)), l.from_bits(p.byte)));
+    p.byte = l.bits(l.select(m, l.floats(l.load_i(&byte)), l.floats(p.byte)));
     p.rng = l.select_w(m, l.load_w(&state), p.rng);
     v.alive |= taken;
 }
 
-/// Decides what paths that met a dielectric surface do; returns those that leave.
+/// Decides what paths that met the surface do; returns those that leave.
 #[inline(always)]
-fn surface_events<L: Lanes>(
-    l: L,
-    volume: &Volume,
-    index: f32,
-    v: &mut Vector<L>,
-    air: u16,
-    u: [f32; 16],
-) -> u16 {
+fn surface_events<L: Lanes>(l: L, volume: &Volume, index: f32, v: &mut Vector<L>, events: &Events<L>) -> u16 {
+    let air = l.mask_bits(events.air);
+    let u = l.store(events.reflection);
+    let axis = l.store_i(events.axis);
     let p = &mut v.paths;
     let mut position = [l.store(p.position[0]), l.store(p.position[1]), l.store(p.position[2])];
     let mut direction = [l.store(p.direction[0]), l.store(p.direction[1]), l.store(p.direction[2])];
@@ -260,7 +253,7 @@ fn surface_events<L: Lanes>(
     for lane in bits(air) {
         let at = [position[0][lane], position[1][lane], position[2][lane]];
         let d = [direction[0][lane], direction[1][lane], direction[2][lane]];
-        match exit::meet(volume, index, at, d, u[lane]) {
+        match exit::meet(volume, index, at, axis[lane] as usize % 3, d, u[lane]) {
             Outcome::Leave => left |= 1 << lane,
             Outcome::Stay { position: at, direction: d } => {
                 for a in 0..3 {
@@ -270,6 +263,9 @@ fn surface_events<L: Lanes>(
                 byte[lane] = u32::from(volume.bricks().byte(exit::voxel(at)));
             }
         }
+    }
+    if left == air {
+        return left;
     }
     for a in 0..3 {
         p.position[a] = l.load(&position[a]);

@@ -114,7 +114,7 @@ impl Lanes for Portable {
     fn bits(self, a: [f32; 16]) -> [u32; 16] {
         a.map(f32::to_bits)
     }
-    fn from_bits(self, a: [u32; 16]) -> [f32; 16] {
+    fn floats(self, a: [u32; 16]) -> [f32; 16] {
         a.map(f32::from_bits)
     }
     unsafe fn gather(self, words: &[u32], i: [u32; 16]) -> [u32; 16] {

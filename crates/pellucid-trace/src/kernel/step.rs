@@ -48,6 +48,8 @@ pub(super) struct Events<L: Lanes> {
     pub(super) air: L::M,
     /// Ended by absorption.
     pub(super) absorbed: L::M,
+    /// The axis of the face crossed last.
+    pub(super) axis: L::I,
     /// A uniform random number a lane for what happens at the surface.
     pub(super) reflection: L::F,
 }
@@ -108,6 +110,7 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
         l.mul(s.direction[2], c.rate[2]),
     ];
     let mut crossed = l.mask(0);
+    let mut axis = l.splat_i(0);
     if l.any(short) {
         // The nearest face of the voxel ahead.
         let mut plane = [zero; 3];
@@ -121,12 +124,14 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
             time[a] = l.div(l.abs(l.sub(plane[a], s.position[a])), speed);
         }
         let face = l.min(time[0], l.min(time[1], time[2]));
+        let along_yz = l.select(l.le(time[1], face), l.splat(1.0), l.splat(2.0));
+        axis = l.to_i(l.select(l.le(time[0], face), zero, along_yz));
         crossed = l.and(short, l.and(l.le(clear, face), l.lt(face, t)));
         let m = l.select(short, l.min(t, l.max(clear, face)), t);
         for a in 0..3 {
             s.position[a] = l.fma(rate[a], m, s.position[a]);
             let onto = l.and(crossed, l.le(time[a], face));
-            let below = l.from_bits(l.sub_i(l.bits(plane[a]), l.splat_i(1)));
+            let below = l.floats(l.sub_i(l.bits(plane[a]), l.splat_i(1)));
             s.position[a] = l.select(onto, l.select(up[a], plane[a], below), s.position[a]);
         }
         s.flight = l.sub(t, m);
@@ -166,7 +171,7 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
         s.weight = l.select(low, one, s.weight);
         absorbed = dies;
     }
-    Events { air, absorbed, reflection: u2 }
+    Events { air, absorbed, axis, reflection: u2 }
 }
 
 /// The bytes of the voxels at positions, which are first brought within the table.

@@ -1,0 +1,59 @@
+//! Samples a second on one thread: forward and training step, this crate beside candle.
+//!
+//! `cargo run --release -p pellucid-rpnn --features candle --example throughput`
+
+use std::time::Instant;
+
+use candle_core::{Device, Tensor};
+use pellucid_rpnn::adamw::{AdamW, AdamWSettings};
+use pellucid_rpnn::reference::CandleNetwork;
+use pellucid_rpnn::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use pellucid_rpnn::{Network, Variant, Weights};
+
+const BATCH: usize = 256;
+
+/// The best of several timings, as samples a second.
+fn rate(rounds: usize, mut work: impl FnMut()) -> f64 {
+    work();
+    let best = (0..rounds)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            start.elapsed().as_secs_f64()
+        })
+        .fold(f64::INFINITY, f64::min);
+    BATCH as f64 / best
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let inputs: Vec<f32> = (0..BATCH * INPUTS).map(|i| (i as f32 * 0.37).sin().max(0.0)).collect();
+    let labels = vec![0.5f32; BATCH];
+    println!("{:>10} {:>16} {:>16} {:>16} {:>16}", "variant", "forward", "step", "candle forward", "candle step");
+    for variant in Variant::ALL {
+        let mut weights = Weights::initial(variant, 1, 0.5);
+        let mut network = Network::new(variant, BATCH)?;
+        let mut out = vec![0.0; BATCH];
+        let forward = rate(5, || network.forward(&weights, &inputs, &mut out).expect("shapes agree"));
+        let mut adam = AdamW::new(AdamWSettings::default(), weights.values());
+        let mut gradient = vec![0.0; weights.values().len()];
+        let step = rate(5, || {
+            network.forward(&weights, &inputs, &mut out).expect("shapes agree");
+            let d: Vec<f32> = out.iter().zip(&labels).map(|(o, l)| 2.0 * (o - l) / BATCH as f32).collect();
+            gradient.fill(0.0);
+            network.backward(&weights, &out, &d, &mut gradient).expect("shapes agree");
+            adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
+        });
+
+        let model = CandleNetwork::new(&weights)?;
+        let x = Tensor::from_slice(&inputs, (BATCH, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
+        let y = Tensor::from_slice(&labels, BATCH, &Device::Cpu)?;
+        let candle_forward = rate(3, || drop(model.forward(&x).expect("shapes agree")));
+        // Without the optimiser: candle's own would only add to this.
+        let candle_step = rate(3, || {
+            let loss = (model.forward(&x).expect("shapes agree") - &y).and_then(|d| d.sqr()).and_then(|d| d.mean_all());
+            drop(loss.and_then(|l| l.backward()).expect("differentiable"));
+        });
+        println!("{:>10} {forward:>16.0} {step:>16.0} {candle_forward:>16.0} {candle_step:>16.0}", variant.name());
+    }
+    Ok(())
+}

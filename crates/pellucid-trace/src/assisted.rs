@@ -1,0 +1,164 @@
+//! Few paths a point, assisted by regression over patches of the surface. Biased.
+//!
+//! Radiance changes within 0.1 mm on a halftoned surface, so neighbours cannot be averaged. But how
+//! it depends on the material below changes slowly: over a patch of some millimetres, a ridge
+//! regression on what lies below each point (see the `features` module) predicts it to about 0.02,
+//! however few the paths. The prediction and the point's own estimate are then mixed by the
+//! variances that the residuals show, so that the estimate still converges with more paths.
+
+use std::collections::BTreeMap;
+
+use pellucid_voxel::Control;
+use rayon::prelude::*;
+
+use crate::features::{Composition, FEATURES};
+use crate::tally::Tally;
+use crate::{TraceError, Tracer};
+
+/// Fewest points of a regression; smaller patches join their neighbour.
+const MIN_POINTS: usize = 4 * FEATURES;
+
+/// How radiances are shared between points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AssistOptions {
+    /// Edge of a patch in mm, 0.1 to 100.
+    pub patch_mm: f64,
+    /// Ridge penalty on the coefficients, per point, above 0.
+    pub ridge: f64,
+}
+
+impl Default for AssistOptions {
+    fn default() -> Self {
+        Self { patch_mm: 3.0, ridge: 1e-3 }
+    }
+}
+
+impl Tracer<'_> {
+    /// As [`Tracer::radiance`], but each point borrows from its neighbours: **biased**, with an
+    /// error of about 0.02 from 16 paths where plain tracing needs some 200.
+    ///
+    /// Meant for surfaces, not for scattered points: a patch needs a few hundred of them, and the
+    /// result depends on which points are asked for together. The error is that of a model, not
+    /// noise: it does not average out over iterations as that of [`Tracer::radiance`] does.
+    ///
+    /// # Errors
+    /// As [`Tracer::radiance`], and [`TraceError::Invalid`] for options out of range.
+    pub fn radiance_assisted(
+        &self,
+        points: &[u32],
+        iteration: u32,
+        options: &AssistOptions,
+        radiance: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        let in_range = (0.1..=100.0).contains(&options.patch_mm) && options.ridge > 0.0;
+        if !(in_range && options.ridge.is_finite()) {
+            return Err(TraceError::invalid(
+                "assist options",
+                format!("{options:?}; patch_mm must lie within 0.1 to 100 and ridge above 0"),
+            ));
+        }
+        let spp = self.options.spp;
+        let channels = self.channels();
+        let mut tallies = self.tallies_for(points, radiance.len())?;
+        self.add_samples(points, iteration, 0..spp, &mut tallies, control)?;
+        let patches = self.patches(points, options.patch_mm);
+        let fitted = patches
+            .par_iter()
+            .map(|members| {
+                control.check()?;
+                let below: Vec<Composition> =
+                    members.iter().map(|&i| Composition::of(self.volume, points[i as usize])).collect();
+                let mut out = vec![0.0f32; members.len() * channels];
+                for c in 0..channels {
+                    let mut rows = vec![[0.0; FEATURES]; members.len()];
+                    rows.iter_mut().zip(&below).for_each(|(row, b)| b.features(self.optics(c), row));
+                    let own: Vec<Tally> =
+                        members.iter().map(|&i| tallies[i as usize * channels + c]).collect();
+                    for (k, value) in mixed(&rows, &own, spp, options.ridge).into_iter().enumerate() {
+                        out[k * channels + c] = value;
+                    }
+                }
+                Ok(out)
+            })
+            .collect::<Result<Vec<Vec<f32>>, TraceError>>()?;
+        for (members, values) in patches.iter().zip(&fitted) {
+            for (&i, value) in members.iter().zip(values.chunks_exact(channels)) {
+                radiance[i as usize * channels..][..channels].copy_from_slice(value);
+            }
+        }
+        Ok(())
+    }
+
+    /// Groups points by cubic cells; positions in `points`.
+    fn patches(&self, points: &[u32], patch_mm: f64) -> Vec<Vec<u32>> {
+        let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
+        for (i, &p) in points.iter().enumerate() {
+            let cell = self.volume.point_mm(p).map(|x| (x / patch_mm).floor() as i64);
+            cells.entry(cell).or_default().push(i as u32);
+        }
+        let mut patches: Vec<Vec<u32>> = Vec::new();
+        for members in cells.into_values() {
+            match patches.last_mut() {
+                Some(last) if last.len() < MIN_POINTS || members.len() < MIN_POINTS => last.extend(members),
+                _ => patches.push(members),
+            }
+        }
+        patches
+    }
+}
+
+/// The regression's prediction and each point's own mean, weighted by what the residuals say of
+/// either's error.
+fn mixed(rows: &[[f64; FEATURES]], own: &[Tally], spp: u32, penalty: f64) -> Vec<f32> {
+    let n = own.len() as f64;
+    let values: Vec<f64> = own.iter().map(|t| t.mean(spp)).collect();
+    let noise = own.iter().map(|t| t.cautious_variance(spp)).sum::<f64>() / n / f64::from(spp);
+    let fit = ridge(rows, &values, penalty);
+    let freedom = (1.0 - FEATURES as f64 / n).max(0.1);
+    let residual = fit.iter().zip(&values).map(|(f, v)| (f - v).powi(2)).sum::<f64>() / n / freedom;
+    let misfit = (residual - noise).max(0.0);
+    let share = misfit / (misfit + noise).max(1e-12);
+    fit.iter().zip(&values).map(|(f, v)| (f + share * (v - f)).clamp(0.0, 1.0) as f32).collect()
+}
+
+/// Fitted values of a ridge regression; the last feature, a constant, is not penalised.
+fn ridge(rows: &[[f64; FEATURES]], values: &[f64], penalty: f64) -> Vec<f64> {
+    let mut a = [[0.0f64; FEATURES]; FEATURES];
+    let mut b = [0.0f64; FEATURES];
+    for (row, value) in rows.iter().zip(values) {
+        for i in 0..FEATURES {
+            b[i] += row[i] * value;
+            for j in 0..=i {
+                a[i][j] += row[i] * row[j];
+            }
+        }
+    }
+    let n = rows.len() as f64;
+    for i in 0..FEATURES {
+        a[i][i] += if i + 1 < FEATURES { penalty * n } else { 1e-9 * n };
+    }
+    // Cholesky, in place in the lower triangle.
+    for i in 0..FEATURES {
+        for j in 0..=i {
+            let mut s = a[i][j];
+            for k in 0..j {
+                s -= a[i][k] * a[j][k];
+            }
+            a[i][j] = if i == j { s.max(1e-12).sqrt() } else { s / a[j][j] };
+        }
+    }
+    for i in 0..FEATURES {
+        for k in 0..i {
+            b[i] -= a[i][k] * b[k];
+        }
+        b[i] /= a[i][i];
+    }
+    for i in (0..FEATURES).rev() {
+        for k in i + 1..FEATURES {
+            b[i] -= a[k][i] * b[k];
+        }
+        b[i] /= a[i][i];
+    }
+    rows.iter().map(|row| row.iter().zip(&b).map(|(x, w)| x * w).sum()).collect()
+}

@@ -1,0 +1,93 @@
+//! The assisted estimate's gain and its bias.
+
+mod common;
+
+use common::{Object, dielectric, hash};
+use pellucid_trace::{AssistOptions, TraceOptions, Tracer};
+use pellucid_voxel::{Control, MaterialTable, Pitch};
+
+/// A slab with a halftone that varies over the surface and white below.
+fn halftone() -> Object {
+    let mm = Pitch::j750().mm();
+    Object::new(Pitch::j750(), [150, 75, 60], |v| {
+        let (x, y) = (f64::from(v[0]) * mm[0], f64::from(v[1]) * mm[1]);
+        let white = 0.55 + 0.4 * (2.1 * x).sin() * (1.7 * y).cos() + 0.2 * (9.0 * x + 4.0 * y).sin();
+        let h = hash(v);
+        if v[2] < 22 || (h % 1000) as f64 <= 1000.0 * white { 5 } else { 1 + (h / 1000 % 4) as u8 }
+    })
+}
+
+#[test]
+fn error_is_a_third_of_plain_tracing_and_converges() {
+    let object = halftone();
+    // The middle of the top face.
+    let points: Vec<u32> = (0..object.surface.len() as u32)
+        .filter(|&p| {
+            let v = object.surface.voxels()[p as usize];
+            v[2] == 59 && (10..140).contains(&v[0]) && (5..70).contains(&v[1])
+        })
+        .collect();
+    let materials = MaterialTable::cmykw();
+    let control = Control::none();
+    let n = points.len() * 3;
+    let mut reference = vec![0.0; n];
+    let tracer = |spp| Tracer::new(&object.volume, &materials, dielectric(spp)).unwrap();
+    tracer(1024).radiance(&points, 1, &mut reference, &control).unwrap();
+    let error = |l: &[f32]| {
+        let square: f64 = l.iter().zip(&reference).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        let bias: f64 = l.iter().zip(&reference).map(|(a, b)| f64::from(a - b)).sum();
+        ((square / n as f64).sqrt(), bias / n as f64)
+    };
+    let options = AssistOptions::default();
+    let mut last = f64::INFINITY;
+    for spp in [16, 128, 512] {
+        let (mut plain, mut assisted) = (vec![0.0; n], vec![0.0; n]);
+        tracer(spp).radiance(&points, 0, &mut plain, &control).unwrap();
+        tracer(spp).radiance_assisted(&points, 0, &options, &mut assisted, &control).unwrap();
+        let ((plain, _), (assisted, bias)) = (error(&plain), error(&assisted));
+        if spp == 16 {
+            assert!(assisted < plain / 3.0 && assisted < 0.03, "{assisted} against {plain}");
+        }
+        assert!(assisted < 1.02 * plain && assisted < last, "{spp} paths: {assisted} against {plain}");
+        assert!(bias.abs() < 0.002, "{spp} paths: mean error {bias}");
+        last = assisted;
+    }
+}
+
+#[test]
+fn few_points_and_bad_options() {
+    let object = halftone();
+    let materials = MaterialTable::cmykw();
+    let control = Control::none();
+    let tracer =
+        Tracer::new(&object.volume, &materials, TraceOptions { spp: 64, ..Default::default() }).unwrap();
+    for points in [vec![], vec![3], vec![3, 900, 4000]] {
+        let mut l = vec![-1.0; points.len() * 3];
+        tracer.radiance_assisted(&points, 0, &AssistOptions::default(), &mut l, &control).unwrap();
+        assert!(l.iter().all(|v| (0.0..=1.0).contains(v)), "{l:?}");
+    }
+    for bad in [
+        AssistOptions { patch_mm: 0.0, ..Default::default() },
+        AssistOptions { ridge: f64::NAN, ..Default::default() },
+    ] {
+        assert!(tracer.radiance_assisted(&[1], 0, &bad, &mut [0.0; 3], &control).is_err());
+    }
+}
+
+#[test]
+fn same_bytes_for_any_thread_count() {
+    let object = halftone();
+    let materials = MaterialTable::cmykw();
+    let points: Vec<u32> = (0..4000).collect();
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut l = vec![0.0; points.len() * 3];
+            let tracer = Tracer::new(&object.volume, &materials, dielectric(8)).unwrap();
+            let options = AssistOptions::default();
+            tracer.radiance_assisted(&points, 2, &options, &mut l, &Control::none()).unwrap();
+            l
+        })
+    };
+    assert_eq!(run(1), run(3));
+}
