@@ -28,7 +28,8 @@ pub fn patched_ball() -> Model {
                 _ if j == DOWN - 1 => &[[0, 1, 3]],
                 _ => &[[0, 1, 2], [0, 2, 3]],
             };
-            triangles.extend(corners.iter().map(|c| Triangle { vertices: c.map(|v| first + v), material: 0 }));
+            triangles
+                .extend(corners.iter().map(|c| Triangle { vertices: c.map(|v| first + v), material: 0 }));
         }
     }
     let plain = BaseColor { name: "patches".into(), factor: [1.0; 4], texture: None };

@@ -114,7 +114,9 @@ impl Observer for CancelAt<'_> {
 fn cancelling_any_stage_ends_the_job_and_leaves_nothing() {
     let model = patched_ball();
     let folder = tempfile::tempdir().unwrap();
-    for stage in [Stage::Voxelise, Stage::Surface, Stage::Nearest, Stage::Target, Stage::Refine, Stage::Evaluate] {
+    for stage in
+        [Stage::Voxelise, Stage::Surface, Stage::Nearest, Stage::Target, Stage::Refine, Stage::Evaluate]
+    {
         let flag = AtomicBool::new(false);
         let observer = CancelAt { stage, flag: &flag, begun: AtomicU32::new(0) };
         let result = PrintJob::new(settings(2.0)).unwrap().prepare(&model, &observer, &flag);
@@ -138,6 +140,7 @@ fn bad_settings_are_named() {
     let mut s = settings(5.0);
     s.refine.coloured_depth_mm = -1.0;
     assert!(PrintJob::new(s).err().unwrap().to_string().contains("coloured_depth_mm"));
-    let too_tall = PrintJob::new(settings(300.0)).unwrap().prepare(&patched_ball(), &Silent, &AtomicBool::new(false));
+    let too_tall =
+        PrintJob::new(settings(300.0)).unwrap().prepare(&patched_ball(), &Silent, &AtomicBool::new(false));
     assert!(too_tall.is_err());
 }

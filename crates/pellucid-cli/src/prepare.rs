@@ -100,7 +100,10 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
 /// The few figures a user looks for first.
 fn summary(report: &Report, args: &Args) {
     let [x, y, z] = report.extent_mm;
-    println!("{x:.1} x {y:.1} x {z:.1} mm, {} layers, {} surface voxels", report.layers, report.surface_voxels);
+    println!(
+        "{x:.1} x {y:.1} x {z:.1} mm, {} layers, {} surface voxels",
+        report.layers, report.surface_voxels
+    );
     let e = &report.evaluation;
     println!(
         "colour error (mean dE2000 to the printable target): {:.2} unrefined, {:.2} refined ({:.0} % less)",

@@ -23,7 +23,8 @@ impl Bars {
 impl Observer for Bars {
     fn begin(&self, stage: Stage) {
         let bar = if self.terminal { ProgressBar::new(0) } else { ProgressBar::hidden() };
-        let style = ProgressStyle::with_template("{prefix:>16} [{bar:32}] {percent:>3} %  {per_sec}  {eta} left");
+        let style =
+            ProgressStyle::with_template("{prefix:>16} [{bar:32}] {percent:>3} %  {per_sec}  {eta} left");
         if let Ok(style) = style {
             bar.set_style(style.progress_chars("=> "));
         }

@@ -6,7 +6,7 @@
 //! | [`model`] | the imported mesh: vertices, triangles, base colours |
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
 //! | [`repair`] | what is wrong with a mesh: [`MeshReport`] |
-//! | [`voxelise`] | solid voxels by generalised winding number |
+//! | [`voxelise`](mod@voxelise) | solid voxels by generalised winding number |
 //! | [`thickness`] | where a print is thin: [`ThicknessReport`] |
 //! | [`target`] | the colour of each surface voxel |
 //! | [`error`] | [`MeshError`] |
@@ -38,4 +38,4 @@ pub use repair::MeshReport;
 pub use target::surface_colors;
 pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
 pub use thickness::{ThicknessReport, ThinRegion};
-pub use voxelise::{Placement, Scale, Voxelised, VoxeliseOptions, voxelise};
+pub use voxelise::{Placement, Scale, VoxeliseOptions, Voxelised, voxelise};

@@ -73,7 +73,14 @@ impl Demand {
     /// Cumulative fractions of every layer of a surface voxel, `[layer][label]` in halftone order without
     /// the last label, as shares of 65535. The first `veiled` layers keep sparse ink out. Returns
     /// what is left of the residual below the last layer.
-    pub(crate) fn thresholds(&self, point: usize, based: usize, veiled: usize, ink: &dyn InkModel, out: &mut [u16]) -> [f32; 3] {
+    pub(crate) fn thresholds(
+        &self,
+        point: usize,
+        based: usize,
+        veiled: usize,
+        ink: &dyn InkModel,
+        out: &mut [u16],
+    ) -> [f32; 3] {
         let labels = ink.labels().len();
         let target = self.target[point];
         let mut over = self.residual[point];

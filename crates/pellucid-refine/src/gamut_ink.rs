@@ -23,7 +23,8 @@ impl<'a> GamutInk<'a> {
             0.2126 * r + 0.7152 * g + 0.0722 * b
         };
         let white = model.white() as u8 + 1;
-        let mut labels: Vec<u8> = (1..=materials.len().min(model.materials()) as u8).filter(|&l| l != white).collect();
+        let mut labels: Vec<u8> =
+            (1..=materials.len().min(model.materials()) as u8).filter(|&l| l != white).collect();
         labels.sort_by(|&a, &b| luminance(a).total_cmp(&luminance(b)));
         labels.push(white);
         Self { gamut, labels }

@@ -74,9 +74,8 @@ impl Halftone<'_> {
                     continue;
                 }
                 let at = self.surface.voxels()[point as usize];
-                let distance: f64 = (0..3)
-                    .map(|a| ((f64::from(voxel[a]) - f64::from(at[a])) * pitch[a]).powi(2))
-                    .sum();
+                let distance: f64 =
+                    (0..3).map(|a| ((f64::from(voxel[a]) - f64::from(at[a])) * pitch[a]).powi(2)).sum();
                 let layer = squared.partition_point(|&end| end < distance);
                 if layer >= squared.len() {
                     continue;

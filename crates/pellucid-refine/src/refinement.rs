@@ -91,7 +91,12 @@ pub fn refine(
     let mut radiance = vec![0.0f32; surface.len() * 3];
     for iteration in 0..=settings.iterations {
         let start = Instant::now();
-        let Changes { tiles, voxels, unspent } = halftone.apply(grid, &demand, if iteration == 0 { [ends.len(), 0] } else { [based, veiled] }, &control.silent())?;
+        let Changes { tiles, voxels, unspent } = halftone.apply(
+            grid,
+            &demand,
+            if iteration == 0 { [ends.len(), 0] } else { [based, veiled] },
+            &control.silent(),
+        )?;
         let halftone_seconds = start.elapsed().as_secs_f64();
         if iteration == 0 {
             unrefined = Some(grid.clone());
@@ -100,7 +105,8 @@ pub fn refine(
         }
         let start = Instant::now();
         let done = u64::from(iteration);
-        let progress = |part: u64, total: u64| control.report(done * total.max(1) + part, steps * total.max(1));
+        let progress =
+            |part: u64, total: u64| control.report(done * total.max(1) + part, steps * total.max(1));
         let inner = control.silent().with_progress(&progress);
         let scene = Scene { grid, surface, materials };
         predictor
@@ -144,7 +150,12 @@ pub fn refine(
     if let Some((_, best)) = best
         && report.best != settings.iterations
     {
-        halftone.apply(grid, &best, if report.best == 0 { [ends.len(), 0] } else { [based, veiled] }, &control.silent())?;
+        halftone.apply(
+            grid,
+            &best,
+            if report.best == 0 { [ends.len(), 0] } else { [based, veiled] },
+            &control.silent(),
+        )?;
     }
     let unrefined = unrefined.unwrap_or_else(|| grid.clone());
     Ok(Refined { unrefined, report })
@@ -192,10 +203,7 @@ fn check_input(
     let labels = input.ink.labels();
     let known = |l: &u8| *l != AIR && input.materials.get(*l).is_some();
     if !(2..=MAX_LABELS).contains(&labels.len()) || !labels.iter().all(known) {
-        return Err(RefineError::invalid(
-            "ink model",
-            "needs 2 to 16 labels, each of the material table",
-        ));
+        return Err(RefineError::invalid("ink model", "needs 2 to 16 labels, each of the material table"));
     }
     Ok(())
 }

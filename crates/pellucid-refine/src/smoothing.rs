@@ -86,7 +86,12 @@ impl Smoother {
     pub(crate) fn apply(&self, values: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
         let mut values = values;
         for _ in 0..self.passes {
-            values = self.starts.par_windows(2).with_min_len(CHUNK).map(|range| self.average(range, &values)).collect();
+            values = self
+                .starts
+                .par_windows(2)
+                .with_min_len(CHUNK)
+                .map(|range| self.average(range, &values))
+                .collect();
         }
         values
     }

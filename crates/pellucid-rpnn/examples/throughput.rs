@@ -28,7 +28,10 @@ fn rate(rounds: usize, mut work: impl FnMut()) -> f64 {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let inputs: Vec<f32> = (0..BATCH * INPUTS).map(|i| (i as f32 * 0.37).sin().max(0.0)).collect();
     let labels = vec![0.5f32; BATCH];
-    println!("{:>10} {:>16} {:>16} {:>16} {:>16}", "variant", "forward", "step", "candle forward", "candle step");
+    println!(
+        "{:>10} {:>16} {:>16} {:>16} {:>16}",
+        "variant", "forward", "step", "candle forward", "candle step"
+    );
     for variant in Variant::ALL {
         let mut weights = Weights::initial(variant, 1, 0.5);
         let mut network = Network::new(variant, BATCH)?;
@@ -50,10 +53,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let candle_forward = rate(3, || drop(model.forward(&x).expect("shapes agree")));
         // Without the optimiser: candle's own would only add to this.
         let candle_step = rate(3, || {
-            let loss = (model.forward(&x).expect("shapes agree") - &y).and_then(|d| d.sqr()).and_then(|d| d.mean_all());
+            let loss = (model.forward(&x).expect("shapes agree") - &y)
+                .and_then(|d| d.sqr())
+                .and_then(|d| d.mean_all());
             drop(loss.and_then(|l| l.backward()).expect("differentiable"));
         });
-        println!("{:>10} {forward:>16.0} {step:>16.0} {candle_forward:>16.0} {candle_step:>16.0}", variant.name());
+        println!(
+            "{:>10} {forward:>16.0} {step:>16.0} {candle_forward:>16.0} {candle_step:>16.0}",
+            variant.name()
+        );
     }
     Ok(())
 }

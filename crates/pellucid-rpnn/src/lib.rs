@@ -5,7 +5,7 @@
 //! | --- | --- |
 //! | [`variant`] | the four architectures, their layers and parameter counts |
 //! | [`weights`] | parameters as one flat vector, their initialisation |
-//! | [`file`] | weights as safetensors files that say what they were trained for |
+//! | [`file`](mod@file) | weights as safetensors files that say what they were trained for |
 //! | [`transform`] | from raw stencils to the network's input |
 //! | [`network`] | forward and backward passes on packed matrix products |
 //! | [`adamw`] | the optimiser |

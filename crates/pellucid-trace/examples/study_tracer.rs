@@ -9,11 +9,12 @@ use std::path::Path;
 use std::time::Instant;
 
 use pellucid_trace::{
-    AnalyticScene, AssistOptions, Backend, Boundary, ErrorTarget, Medium, Optics, Shape, TraceOptions, Tracer,
-    Volume,
+    AnalyticScene, AssistOptions, Backend, Boundary, ErrorTarget, Medium, Optics, Shape, TraceOptions,
+    Tracer, Volume,
 };
 use pellucid_voxel::{
-    Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, TILE, TILE_VOXELS, Tile,
+    Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, TILE, TILE_VOXELS,
+    Tile,
 };
 
 const WHITE: u8 = 5;
@@ -48,7 +49,8 @@ fn hash(v: [i64; 3]) -> u64 {
 
 /// A halftoned material: white mixed with a second ink, pale, mid and dark by turns.
 fn halftone(p: [f64; 3], v: [i64; 3]) -> u8 {
-    let wave = |k: f64| 0.5 * ((k * p[0]).sin() * (1.1 * k * p[1] + 1.0).sin() + (0.9 * k * p[2] + 2.0).sin());
+    let wave =
+        |k: f64| 0.5 * ((k * p[0]).sin() * (1.1 * k * p[1] + 1.0).sin() + (0.9 * k * p[2] + 2.0).sin());
     let white = 0.55 + 0.45 * wave(2.1) + 0.2 * wave(9.8);
     let h = hash(v);
     if (h % 1000) as f64 <= 1000.0 * white {
@@ -76,10 +78,20 @@ fn solid(half: [f64; 3], skin: f64, depth: impl Fn([f64; 3]) -> f64 + Sync) -> L
         }
         let mut labels = Box::new([0; TILE_VOXELS]);
         for (i, label) in labels.iter_mut().enumerate() {
-            let v = [at[0] + (i % TILE) as i64, at[1] + (i / TILE % TILE) as i64, at[2] + (i / TILE / TILE) as i64];
+            let v = [
+                at[0] + (i % TILE) as i64,
+                at[1] + (i / TILE % TILE) as i64,
+                at[2] + (i / TILE / TILE) as i64,
+            ];
             let p = frame.centre_mm(v);
             let d = depth(p);
-            *label = if d < 0.0 { 0 } else if d > skin { WHITE } else { halftone(p, v) };
+            *label = if d < 0.0 {
+                0
+            } else if d > skin {
+                WHITE
+            } else {
+                halftone(p, v)
+            };
         }
         Tile::Dense(labels)
     })
@@ -141,12 +153,19 @@ fn measure(scene: &Scene, reference_spp: u32, rows: &mut Vec<Row>) -> Result<(),
     let control = Control::none();
     let materials = MaterialTable::cmykw();
     let n = materials.channels();
-    let tracer = |spp| Tracer::new(&scene.volume, &materials, TraceOptions { spp, ..TraceOptions::default() });
+    let tracer =
+        |spp| Tracer::new(&scene.volume, &materials, TraceOptions { spp, ..TraceOptions::default() });
     let judged: Vec<u32> = scene.judged.iter().map(|&i| scene.patch[i]).collect();
     let count = judged.len() * n;
     let mut reference = vec![0.0; count];
     let mut reference_error = vec![0.0; count];
-    tracer(reference_spp)?.radiance_with_error(&judged, 1000, &mut reference, &mut reference_error, &control)?;
+    tracer(reference_spp)?.radiance_with_error(
+        &judged,
+        1000,
+        &mut reference,
+        &mut reference_error,
+        &control,
+    )?;
     let noise = reference_error.iter().map(|&e| f64::from(e).powi(2)).sum::<f64>() / count as f64;
     let errors = |l: &[f32]| {
         let d: Vec<f64> = l.iter().zip(&reference).map(|(a, b)| f64::from(a - b)).collect();
@@ -162,15 +181,30 @@ fn measure(scene: &Scene, reference_spp: u32, rows: &mut Vec<Row>) -> Result<(),
         tracer.radiance(&judged, 0, &mut l, &control)?;
         let microseconds = (seconds() - start) * 1e6 / count as f64;
         let (rmse, bias) = errors(&l);
-        rows.push(Row { scene: scene.name, estimator: "plain", spp: f64::from(spp), microseconds, rmse, bias });
+        rows.push(Row {
+            scene: scene.name,
+            estimator: "plain",
+            spp: f64::from(spp),
+            microseconds,
+            rmse,
+            bias,
+        });
         if exponent <= 8 {
             let mut all = vec![0.0; scene.patch.len() * n];
             let start = seconds();
             tracer.radiance_assisted(&scene.patch, 0, &AssistOptions::default(), &mut all, &control)?;
             let microseconds = (seconds() - start) * 1e6 / all.len() as f64;
-            let some: Vec<f32> = scene.judged.iter().flat_map(|&i| all[i * n..(i + 1) * n].iter().copied()).collect();
+            let some: Vec<f32> =
+                scene.judged.iter().flat_map(|&i| all[i * n..(i + 1) * n].iter().copied()).collect();
             let (rmse, bias) = errors(&some);
-            rows.push(Row { scene: scene.name, estimator: "assisted", spp: f64::from(spp), microseconds, rmse, bias });
+            rows.push(Row {
+                scene: scene.name,
+                estimator: "assisted",
+                spp: f64::from(spp),
+                microseconds,
+                rmse,
+                bias,
+            });
         }
     }
     for std_error in [0.08f32, 0.04, 0.02, 0.01] {
@@ -209,7 +243,8 @@ fn cube_rates() -> Result<Vec<(String, f64)>, Box<dyn Error>> {
     let top = surface.index_of([s[0] / 2, s[1] / 2, s[2] - 1]).ok_or("no top")?;
     let volume = Volume::new(&grid, &surface, &control)?;
     let white = Material::from_albedo("white", &[0.999], &[24.0], 0.4);
-    let optics = Optics { sigma_s: f64::from(white.sigma_s[0]), sigma_a: f64::from(white.sigma_a[0]), g: 0.4 };
+    let optics =
+        Optics { sigma_s: f64::from(white.sigma_s[0]), sigma_a: f64::from(white.sigma_a[0]), g: 0.4 };
     let table = MaterialTable::new(vec!["B".into()], vec![white])?;
     let mut out = Vec::new();
     let base = TraceOptions { boundary: Boundary::Matched, ..TraceOptions::default() };
@@ -298,11 +333,9 @@ fn markdown(scenes: &[(&str, &str)], rows: &[Row], rates: &[(String, f64)], refe
     }
     let find = |key: &str| rates.iter().find(|(n, _)| n.contains(key)).map(|(_, r)| *r);
     for backend in ["Avx512", "Avx2"] {
-        if let (Some(ours), Some(default), Some(fast)) = (
-            find(&format!("grid, {backend}")),
-            find("grid, default"),
-            find("grid, emitter sampling off"),
-        ) {
+        if let (Some(ours), Some(default), Some(fast)) =
+            (find(&format!("grid, {backend}")), find("grid, default"), find("grid, emitter sampling off"))
+        {
             let _ = writeln!(
                 text,
                 "\n{backend}: {:.0} times Mitsuba's voxel grid with its default settings, {:.0} times with \
@@ -329,7 +362,10 @@ fn svg(scenes: &[(&str, &str)], rows: &[Row]) -> String {
         let left = k as f64 * width + pad;
         // 0.1 to 1000 microseconds across, RMSE 0.003 to 0.5 down.
         let x = |t: f64| left + (t / 0.1).log10() / 4.0 * (width - pad - 10.0);
-        let y = |e: f64| height - pad + 10.0 - ((e.max(0.003) / 0.003).log10() / (0.5f64 / 0.003).log10()) * (height - pad - 15.0);
+        let y = |e: f64| {
+            height - pad + 10.0
+                - ((e.max(0.003) / 0.003).log10() / (0.5f64 / 0.003).log10()) * (height - pad - 15.0)
+        };
         let _ = writeln!(out, "<text x=\"{}\" y=\"14\" font-size=\"12\">{scene}</text>", left + 90.0);
         for t in [0.1, 1.0, 10.0, 100.0, 1000.0] {
             let _ = writeln!(
@@ -395,7 +431,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let mut rows = Vec::new();
     let mut names = Vec::new();
-    let makers: [(&str, &str, fn() -> LabelGrid); 5] = [
+    type Maker = fn() -> LabelGrid;
+    let makers: [(&str, &str, Maker); 5] = [
         ("p10", "slab 1 mm thick, 12 x 12 mm, halftone throughout", || {
             solid([6.0, 6.0, 0.5], 1.0, |p| (6.0 - p[0].abs()).min(6.0 - p[1].abs()).min(0.5 - p[2].abs()))
         }),

@@ -55,7 +55,8 @@ impl Judge<'_> {
         iteration: u32,
         control: &Control<'_>,
     ) -> Result<Vec<[f32; 3]>, PrintError> {
-        let options = TraceOptions { spp, seed: self.seed, boundary: self.boundary, ..TraceOptions::default() };
+        let options =
+            TraceOptions { spp, seed: self.seed, boundary: self.boundary, ..TraceOptions::default() };
         let tracer = Tracer::new(volume, self.materials, options)?;
         let mut radiance = vec![0.0; points.len() * 3];
         tracer.radiance(points, iteration, &mut radiance, control)?;
@@ -112,7 +113,7 @@ impl Judge<'_> {
         // Repeats are rare while few of many are drawn, and a second draw replaces them.
         while points.len() < wanted as usize {
             let missing = wanted as usize - points.len();
-            points.extend((0..missing).map(|_| (u128::from(rng.next_u64()) * u128::from(n) >> 64) as u32));
+            points.extend((0..missing).map(|_| ((u128::from(rng.next_u64()) * u128::from(n)) >> 64) as u32));
             points.sort_unstable();
             points.dedup();
         }

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use pellucid_color::intent::{MediaWhite, Rendering, RenderingIntent};
 use pellucid_color::gamut::{DEFAULT_THICKNESSES_MM, ThicknessGamut};
+use pellucid_color::intent::{MediaWhite, Rendering, RenderingIntent};
 use pellucid_color::mixture::table::DEFAULT_NODES;
 use pellucid_color::{Gamut, MatchOptions, MixtureModel};
 use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
@@ -108,15 +108,20 @@ impl PrintJob {
     ) -> Result<Prepared, PrintError> {
         let s = &self.settings;
         let mut clock = Clock::new(observer, cancel);
-        let options =
-            VoxeliseOptions { pitch: s.target.pitch(), scale: s.scale, label: self.white, ..Default::default() };
+        let options = VoxeliseOptions {
+            pitch: s.target.pitch(),
+            scale: s.scale,
+            label: self.white,
+            ..Default::default()
+        };
         let voxelised = clock.run(Stage::Voxelise, |c| voxelise(model, &options, c))?;
         let (solid, placement, mesh) = (voxelised.grid, voxelised.placement, voxelised.report);
         // A print that its target cannot hold should be refused now, not after the refinement.
         pellucid_slice::check(&solid, &s.materials, &s.target, &Default::default())?;
         mesh_warnings(&mesh, &clock);
 
-        let surface = clock.run(Stage::Surface, |c| Surface::extract(&solid, &SurfaceOptions::default(), c))?;
+        let surface =
+            clock.run(Stage::Surface, |c| Surface::extract(&solid, &SurfaceOptions::default(), c))?;
         let thickness = local_thickness_mm(&solid, &surface, THICK_MM, &clock.quiet())?;
         let thin = thinness(&thickness);
         if thin.below_1_mm > 0.01 {
@@ -210,7 +215,13 @@ impl PrintJob {
     }
 
     /// Targets brought within reach of the material below them.
-    fn aim(&self, target: &[[f32; 3]], thickness: &[f32], gamut: &Gamut, gamuts: &ThicknessGamut) -> Vec<[f32; 3]> {
+    fn aim(
+        &self,
+        target: &[[f32; 3]],
+        thickness: &[f32],
+        gamut: &Gamut,
+        gamuts: &ThicknessGamut,
+    ) -> Vec<[f32; 3]> {
         target
             .par_iter()
             .zip(thickness)
@@ -244,7 +255,9 @@ impl PrintJob {
         let views = View::front_and_back();
         let seen = views
             .iter()
-            .map(|v| Visibility::trace(refined, judge.surface, v, self.settings.proof_edge, &control.silent()))
+            .map(|v| {
+                Visibility::trace(refined, judge.surface, v, self.settings.proof_edge, &control.silent())
+            })
             .collect::<Result<Vec<_>, VoxelError>>()?;
         let mut points: Vec<u32> = seen.iter().flat_map(Visibility::visible_points).collect();
         points.sort_unstable();

@@ -33,9 +33,9 @@ pub use pellucid_trace as trace;
 #[cfg(feature = "job")]
 mod clock;
 #[cfg(feature = "job")]
-mod evaluate;
-#[cfg(feature = "job")]
 pub mod error;
+#[cfg(feature = "job")]
+mod evaluate;
 #[cfg(feature = "job")]
 pub mod job;
 #[cfg(feature = "job")]

@@ -6,12 +6,12 @@ use std::sync::atomic::AtomicBool;
 use pellucid_slice::{ExportSettings, StagedDir, write_stack};
 use serde_json::{Map, Value, json};
 
+use crate::PrintError;
 use crate::clock::Clock;
 use crate::job::Prepared;
 use crate::proof::{contact_sheet, write_exr};
 use crate::report::{Report, peak_memory_bytes};
 use crate::stage::{Observer, Stage};
-use crate::PrintError;
 
 /// The proof's columns, as EXR layers call them.
 const COLUMNS: [&str; 3] = ["target", "unrefined", "refined"];
@@ -39,7 +39,14 @@ impl Prepared {
             settings: self.recorded_settings(),
         };
         clock.run(Stage::Slices, |c| {
-            write_stack(&self.grid, &self.settings.materials, &self.settings.target, &settings, staged.path(), c)
+            write_stack(
+                &self.grid,
+                &self.settings.materials,
+                &self.settings.target,
+                &settings,
+                staged.path(),
+                c,
+            )
         })?;
         self.write_proof(staged.path())?;
 

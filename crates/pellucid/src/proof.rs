@@ -76,7 +76,10 @@ impl Visibility {
         control: &Control<'_>,
     ) -> Result<Self, VoxelError> {
         if !(16..=4096).contains(&edge) {
-            return Err(VoxelError::invalid("picture edge", format!("{edge} pixels; 16 to 4096 are possible")));
+            return Err(VoxelError::invalid(
+                "picture edge",
+                format!("{edge} pixels; 16 to 4096 are possible"),
+            ));
         }
         let frame = grid.frame();
         let pitch = DVec3::from(frame.pitch().mm());
@@ -131,7 +134,10 @@ impl Visibility {
                             continue;
                         }
                         let color = colors.get(point as usize).ok_or_else(|| {
-                            VoxelError::invalid("colours", format!("{} given; voxel {point} is visible", colors.len()))
+                            VoxelError::invalid(
+                                "colours",
+                                format!("{} given; voxel {point} is visible", colors.len()),
+                            )
                         })?;
                         (0..3).for_each(|c| sum[c] += color[c]);
                         hits += 1;
@@ -256,7 +262,8 @@ pub fn write_exr(path: &Path, pictures: &[(String, &Picture)]) -> Result<(), exr
     let mut layers = SmallVec::<[Layer<AnyChannels<FlatSamples>>; 2]>::new();
     for (name, picture) in pictures {
         let plane = |c: usize| FlatSamples::F32(picture.rgba.iter().skip(c).step_by(4).copied().collect());
-        let channels = ["R", "G", "B", "A"].iter().enumerate().map(|(c, &n)| AnyChannel::new(n, plane(c))).collect();
+        let channels =
+            ["R", "G", "B", "A"].iter().enumerate().map(|(c, &n)| AnyChannel::new(n, plane(c))).collect();
         layers.push(Layer::new(
             (picture.width as usize, picture.height as usize),
             LayerAttributes::named(name.as_str()),
@@ -303,8 +310,11 @@ mod tests {
         assert!(points.iter().all(|&p| surface.voxels()[p as usize][1] == near));
         assert_eq!(points.len(), 30 * 60);
 
-        let colors: Vec<[f32; 3]> =
-            surface.voxels().iter().map(|v| if v[0] >= 20 { [1.0, 0.0, 0.0] } else { [0.0, 0.5, 0.0] }).collect();
+        let colors: Vec<[f32; 3]> = surface
+            .voxels()
+            .iter()
+            .map(|v| if v[0] >= 20 { [1.0, 0.0, 0.0] } else { [0.0, 0.5, 0.0] })
+            .collect();
         let picture = seen.shade(&colors).unwrap();
         let pixel = |x: u32, y: u32| &picture.rgba[((y * picture.width + x) * 4) as usize..][..4];
         let (w, h) = (picture.width, picture.height);

@@ -88,7 +88,10 @@ impl PrintSettings {
             }
         }
         if self.evaluation_spp < 2 {
-            return Err(VoxelError::invalid("evaluation spp", "at least 2 are needed to estimate their noise"));
+            return Err(VoxelError::invalid(
+                "evaluation spp",
+                "at least 2 are needed to estimate their noise",
+            ));
         }
         if self.materials.channels() != 3 {
             return Err(VoxelError::unsupported(
@@ -96,8 +99,8 @@ impl PrintSettings {
                 format!("{} channels; a print job needs linear R, G, B", self.materials.channels()),
             ));
         }
-        self.materials
-            .label_of("white")
-            .ok_or_else(|| VoxelError::invalid("materials", "none is named \"white\", which fills the inside"))
+        self.materials.label_of("white").ok_or_else(|| {
+            VoxelError::invalid("materials", "none is named \"white\", which fills the inside")
+        })
     }
 }

@@ -48,7 +48,7 @@ impl AppearancePredictor for MonteCarlo {
             None => Volume::new(scene.grid, scene.surface, &silent).map_err(failed)?,
         };
         let volume = self.volume.insert(volume);
-        let tracer = Tracer::new(volume, scene.materials, self.options.clone()).map_err(failed)?;
+        let tracer = Tracer::new(volume, scene.materials, self.options).map_err(failed)?;
         tracer.radiance(points, iteration, out, control).map_err(failed)
     }
 }
