@@ -3,6 +3,8 @@
 
 mod prepare;
 mod progress;
+mod study_tracer;
+mod validate;
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,6 +26,17 @@ struct Cli {
 enum Command {
     /// Turn a textured glTF model into printable slices, a soft proof and an error report
     Prepare(prepare::Args),
+    /// Compare the path tracer with a file of reference radiances
+    Validate(validate::Args),
+    /// Measure, and write tables and plots
+    #[command(subcommand)]
+    Study(Study),
+}
+
+#[derive(Subcommand)]
+enum Study {
+    /// Error against run time of every estimator of the path tracer
+    Tracer(study_tracer::Args),
 }
 
 /// How a command ended early.
@@ -52,6 +65,8 @@ fn main() -> ExitCode {
     }
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
+        Command::Validate(args) => validate::run(&args, &CANCEL),
+        Command::Study(Study::Tracer(args)) => study_tracer::run(&args, &CANCEL),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

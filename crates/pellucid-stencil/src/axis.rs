@@ -119,6 +119,12 @@ impl Axis {
         self.points
     }
 
+    /// True when a corner of no point counts other than the corner before, or than nothing.
+    pub fn still(&self, corner: usize) -> bool {
+        let unlike = if corner == 0 { Kind::Zero } else { Kind::Same };
+        self.corner(corner).iter().all(|p| p.kind == unlike || p.kind == Kind::Zero)
+    }
+
     /// True when no corner of any point must be looked up: no box of the level meets the bounds.
     pub fn beyond(&self) -> bool {
         self.positions.iter().all(|p| p.kind == Kind::Zero)

@@ -183,6 +183,12 @@ impl Coefficients {
             factor: spec.level_factor(cells.start / spec.cells_per_level()),
         };
         let out = &mut out[cells.start * f..];
+        if counts.iter().all(|c| c[..LANES] == [0; LANES]) {
+            for channel in 0..self.channels {
+                out[channel * per_channel..][..cells.len() * f].fill(0.0);
+            }
+            return;
+        }
         let starts = (0..self.channels).filter(|&c| self.first[c] == c).map(|c| c * per_channel);
         kernel.features(&rows, self.materials, counts, cells.len(), starts, out);
         for (channel, &first) in self.first.iter().enumerate() {

@@ -220,6 +220,18 @@ impl Stencils<'_> {
         columns.resize(points.len() * groups.len() * layer, Sums::default());
         counts.resize(groups.len() * layer, Sums::default());
         for k in 0..=nz {
+            let start = (k > 0).then(|| first + (k - 1) * layer);
+            if axes[2].still(k) {
+                // No sum changes: the cells between hold nothing.
+                if let Some(start) = start {
+                    counts.fill(Sums::default());
+                    rows.iter().for_each(|&row| sink(row, start..start + layer, counts));
+                } else {
+                    sums.fill(Sums::default());
+                    columns.fill(Sums::default());
+                }
+                continue;
+            }
             for (tables, sums) in groups.iter().zip(sums.chunks_exact_mut(points.len() * per_plane)) {
                 let plane = Plane { tables, axes: &axes, n: [nx + 1, ny + 1], k };
                 self.kernel.corner_sums(&plane, sums);
@@ -231,8 +243,7 @@ impl Stencils<'_> {
                     let sums = &sums[(g * points.len() + p) * per_plane..][..per_plane];
                     self.kernel.cell_counts(nx, sums, columns, counts);
                 }
-                if k > 0 {
-                    let start = first + (k - 1) * layer;
+                if let Some(start) = start {
                     sink(rows[p], start..start + layer, counts);
                 }
             }

@@ -227,7 +227,7 @@ impl Case {
     }
 
     /// Estimates the case in its analytic geometry: `spp` paths, or as many as bring the standard
-    /// error to 0.001 (131,072 at least).
+    /// error to 0.0007 (131,072 at least).
     ///
     /// # Errors
     /// As [`AnalyticScene::radiance`].
@@ -380,7 +380,7 @@ fn to_target(
     spp: Option<u32>,
     estimate: impl Fn(u32) -> Result<Estimate, TraceError>,
 ) -> Result<Estimate, TraceError> {
-    const TARGET: f64 = 0.001;
+    const TARGET: f64 = 0.0007;
     let first = estimate(spp.unwrap_or(PILOT))?;
     if spp.is_some() || first.std_error <= TARGET {
         return Ok(first);

@@ -10,55 +10,61 @@ use super::{Plane, Rows, Sums, each_corner, scalar};
 use crate::axis::{Position, each};
 use crate::window;
 
-/// True where this module's functions may run.
-pub(super) fn available() -> bool {
-    is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("fma")
-}
+/// Proof that the machine runs this module's functions: made by [`Avx512::detect`] alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Avx512(());
 
-macro_rules! checked {
-    ($call:expr) => {{
-        assert!(available(), "AVX-512 kernels need AVX-512");
-        // SAFETY: the features that the function is compiled for were found just now.
-        unsafe { $call }
-    }};
-}
+impl Avx512 {
+    /// The proof, where it holds.
+    pub fn detect() -> Option<Self> {
+        let found = is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("fma");
+        found.then_some(Self(()))
+    }
 
-pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
-    checked!(corner_sums_avx512(plane, sums))
-}
+    pub fn corner_sums(self, plane: &Plane, sums: &mut [Sums]) {
+        // SAFETY: `self` proves the features that the function is compiled for.
+        unsafe { corner_sums_avx512(plane, sums) }
+    }
 
-pub(super) fn cell_counts(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mut [Sums]) {
-    checked!(cell_counts_avx512(nx, sums, columns, cells))
-}
+    pub fn cell_counts(self, nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mut [Sums]) {
+        // SAFETY: as above.
+        unsafe { cell_counts_avx512(nx, sums, columns, cells) }
+    }
 
-pub(super) fn features(
-    rows: &Rows,
-    materials: usize,
-    at: usize,
-    counts: &[Sums],
-    cells: usize,
-    channels: [Option<usize>; 4],
-    out: &mut [f32],
-) {
-    checked!(features_avx512(rows, materials, at, counts, cells, channels, out))
-}
+    pub fn features(
+        self,
+        rows: &Rows,
+        materials: usize,
+        at: usize,
+        counts: &[Sums],
+        cells: usize,
+        channels: [Option<usize>; 4],
+        out: &mut [f32],
+    ) {
+        // SAFETY: as above.
+        unsafe { features_avx512(rows, materials, at, counts, cells, channels, out) }
+    }
 
-pub(super) fn window_sums(
-    size: [usize; 3],
-    labels: &[u8],
-    units: &[u64; 256],
-    pair: &mut Vec<u64>,
-    sums: &mut [u64],
-) {
-    checked!(window_sums_avx512(size, labels, units, pair, sums))
-}
+    pub fn window_sums(
+        self,
+        size: [usize; 3],
+        labels: &[u8],
+        units: &[u64; 256],
+        pair: &mut Vec<u64>,
+        sums: &mut [u64],
+    ) {
+        // SAFETY: as above.
+        unsafe { window_sums_avx512(size, labels, units, pair, sums) }
+    }
 
-pub(super) fn window_cells(n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
-    checked!(window_cells_avx512(n, strides, sums, cells))
+    pub fn window_cells(self, n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
+        // SAFETY: as above.
+        unsafe { window_cells_avx512(n, strides, sums, cells) }
+    }
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]

@@ -85,15 +85,15 @@ pub(crate) struct Rows<'a> {
 pub(crate) enum Kernel {
     Scalar,
     #[cfg(target_arch = "x86_64")]
-    Avx512,
+    Avx512(avx512::Avx512),
 }
 
 impl Kernel {
     /// The fastest form that this machine runs.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if avx512::available() {
-            return Kernel::Avx512;
+        if let Some(avx512) = avx512::Avx512::detect() {
+            return Kernel::Avx512(avx512);
         }
         Kernel::Scalar
     }
@@ -104,7 +104,7 @@ impl Kernel {
         match self {
             Kernel::Scalar => scalar::corner_sums(plane, sums),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => avx512::corner_sums(plane, sums),
+            Kernel::Avx512(avx512) => avx512.corner_sums(plane, sums),
         }
     }
 
@@ -115,7 +115,7 @@ impl Kernel {
         match self {
             Kernel::Scalar => scalar::cell_counts(nx, sums, columns, cells),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => avx512::cell_counts(nx, sums, columns, cells),
+            Kernel::Avx512(avx512) => avx512.cell_counts(nx, sums, columns, cells),
         }
     }
 
@@ -131,7 +131,7 @@ impl Kernel {
         match self {
             Kernel::Scalar => window::sum_labels(size, labels, units, pair, sums),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => avx512::window_sums(size, labels, units, pair, sums),
+            Kernel::Avx512(avx512) => avx512.window_sums(size, labels, units, pair, sums),
         }
     }
 
@@ -140,7 +140,7 @@ impl Kernel {
         match self {
             Kernel::Scalar => window::cells_between(n, strides, sums, cells),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => avx512::window_cells(n, strides, sums, cells),
+            Kernel::Avx512(avx512) => avx512.window_cells(n, strides, sums, cells),
         }
     }
 
@@ -164,7 +164,7 @@ impl Kernel {
             match self {
                 Kernel::Scalar => scalar::features(rows, materials, at, counts, cells, channels, out),
                 #[cfg(target_arch = "x86_64")]
-                Kernel::Avx512 => avx512::features(rows, materials, at, counts, cells, channels, out),
+                Kernel::Avx512(avx512) => avx512.features(rows, materials, at, counts, cells, channels, out),
             }
         }
     }
