@@ -150,7 +150,8 @@ fn study(args: &Args, control: &Control<'_>) -> Result<(), Box<dyn Error + Send 
     for (name, rate) in &rates {
         println!("{name}: {rate:.0} paths/s");
     }
-    let makers: [(&str, &str, fn() -> LabelGrid); 5] = [
+    type Maker = fn() -> LabelGrid;
+    let makers: [(&str, &str, Maker); 5] = [
         ("p10", "slab 1 mm thick, 12 x 12 mm, halftone throughout", || {
             solid([6.0, 6.0, 0.5], 1.0, |p| (6.0 - p[0].abs()).min(6.0 - p[1].abs()).min(0.5 - p[2].abs()))
         }),
