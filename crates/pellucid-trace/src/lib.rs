@@ -13,6 +13,17 @@
 //!
 //! The quantity: L(x, n) is the expected throughput of a path that starts at the surface point x
 //! going inward along -n and ends on leaving the object. It lies within 0..=1.
+//!
+//! What is unbiased: [`Tracer::radiance`], [`Tracer::radiance_with_error`] and
+//! [`Tracer::radiance_to`], for the voxels as they are. No path runs for ever: after 2^22 steps it
+//! counts as having left, which shifts a radiance by at most the probability of getting there;
+//! absorption and Russian roulette leave that to light trapped in nearly loss-free material, and
+//! without absorption the result is exact all the same. [`Tracer::radiance_assisted`] is biased.
+//!
+//! Voxels instead of a smooth object: surfaces reflect by the smooth normal and paths cross the
+//! steps that voxels make, so that a voxelised ball of 3 or 10 mm differs from the true one by
+//! less than 0.002, in dense white by up to 0.005 (n = 1.5). Index-matched it is up to 0.025 too
+//! bright where the mean free path is shorter than a voxel, since light leaves by the steps.
 #![deny(unsafe_code)]
 
 pub mod adaptive;

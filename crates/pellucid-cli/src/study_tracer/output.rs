@@ -16,6 +16,13 @@ fn time_for(rows: &[Row], scene: &str, estimator: &str, rmse: f64) -> Option<f64
     })
 }
 
+/// The processor's name, where the system tells.
+fn processor() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|l| l.starts_with("model name"))?;
+    line.split(':').nth(1).map(|name| name.trim().to_owned())
+}
+
 /// The summary for readers.
 pub(super) fn markdown(
     scenes: &[(&str, &str)],
@@ -30,6 +37,9 @@ pub(super) fn markdown(
          times are processor time per point and channel. Boundary n = 1.5, default materials. RMSE over about \
          500 points and 3 channels against {reference_spp} paths, whose own variance is subtracted.\n"
     );
+    if let Some(name) = processor() {
+        let _ = writeln!(text, "Processor: {name}.\n");
+    }
     let _ = writeln!(text, "| scene | what |\n| --- | --- |");
     for (name, what) in scenes {
         let _ = writeln!(text, "| {name} | {what} |");
