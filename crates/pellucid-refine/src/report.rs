@@ -68,8 +68,6 @@ pub struct RefineReport {
     pub surface_voxels: u64,
     /// Share of surface voxels whose target had to be mapped by more than one CIEDE2000 unit.
     pub out_of_gamut: f64,
-    /// Share of surface voxels whose material ends above the coloured depth.
-    pub thin: f64,
 }
 
 impl RefineReport {

@@ -59,6 +59,7 @@ impl RefineSettings {
             ("layers", (1..=64).contains(&self.layers), "1 to 64"),
             ("gain", self.gain > 0.0 && self.gain <= 4.0, "above 0 and at most 4"),
             ("gain_decay", (0.0..=100.0).contains(&self.gain_decay), "0 to 100"),
+            ("base_mm", (0.0..=100.0).contains(&self.base_mm), "0 to 100 mm"),
             ("veil_mm", (0.0..=10.0).contains(&self.veil_mm), "0 to 10 mm"),
             ("residual_blur_mm", (0.0..=10.0).contains(&self.residual_blur_mm), "0 to 10 mm"),
         ];

@@ -208,6 +208,9 @@ fn inputs_that_do_not_fit_are_named() {
     let deep = RefineSettings { coloured_depth_mm: 1.5, ..settings(1) };
     let message = run(&slab, [0.2, 0.7], &deep, &Control::none()).1.unwrap_err().to_string();
     assert!(message.contains("nearest"), "{message}");
+    let base = RefineSettings { base_mm: f64::NAN, ..settings(1) };
+    let message = run(&slab, [0.2, 0.7], &base, &Control::none()).1.unwrap_err().to_string();
+    assert!(message.contains("base_mm"), "{message}");
     let message = run(&slab, [0.2, f32::NAN], &settings(1), &Control::none()).1.unwrap_err().to_string();
     assert!(message.contains("target"), "{message}");
 }
