@@ -8,7 +8,7 @@ use candle_core::{Device, Tensor};
 use pellucid_rpnn::adamw::{AdamW, AdamWSettings};
 use pellucid_rpnn::reference::CandleNetwork;
 use pellucid_rpnn::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
-use pellucid_rpnn::{Network, Variant, Weights};
+use pellucid_rpnn::{Network, Precision, Variant, Weights};
 
 const BATCH: usize = 256;
 
@@ -34,16 +34,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     );
     for variant in Variant::ALL {
         let mut weights = Weights::initial(variant, 1, 0.5);
-        let mut network = Network::new(variant, BATCH)?;
+        let mut network = Network::new(variant, BATCH, Precision::F32)?;
+        network.load(&weights)?;
         let mut out = vec![0.0; BATCH];
-        let forward = rate(5, || network.forward(&weights, &inputs, &mut out).expect("shapes agree"));
+        let forward = rate(5, || network.forward(&inputs, &mut out).expect("shapes agree"));
         let mut adam = AdamW::new(AdamWSettings::default(), weights.values());
         let mut gradient = vec![0.0; weights.values().len()];
         let step = rate(5, || {
-            network.forward(&weights, &inputs, &mut out).expect("shapes agree");
+            network.load(&weights).expect("one variant");
+            network.forward(&inputs, &mut out).expect("shapes agree");
             let d: Vec<f32> = out.iter().zip(&labels).map(|(o, l)| 2.0 * (o - l) / BATCH as f32).collect();
             gradient.fill(0.0);
-            network.backward(&weights, &out, &d, &mut gradient).expect("shapes agree");
+            network.backward(&out, &d, &mut gradient).expect("shapes agree");
             adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
         });
 

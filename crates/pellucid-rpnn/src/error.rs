@@ -24,6 +24,14 @@ pub enum RpnnError {
         /// What it holds and what is needed.
         reason: String,
     },
+    /// The source of training samples failed.
+    #[error("batch {batch} of the training samples: {reason}")]
+    Source {
+        /// Which batch.
+        batch: u64,
+        /// The source's own reason.
+        reason: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// A file could not be read or written.
     #[error("{path}: {reason}")]
     Io {

@@ -29,6 +29,8 @@ pub struct Provenance {
 /// Longest file that is read: the largest variant takes 15 MB.
 const MAX_BYTES: u64 = 64 << 20;
 const FORMAT: &str = "pellucid-rpnn-1";
+/// The entry of the file's metadata that holds the header, a JSON object.
+const ENTRY: &str = "pellucid";
 
 fn stencil() -> String {
     let [x, y, z] = CELLS_XYZ;
@@ -40,19 +42,36 @@ fn stencil() -> String {
 /// # Errors
 /// [`RpnnError::Io`] when the file cannot be written.
 pub fn save(path: &Path, weights: &Weights, provenance: &Provenance) -> Result<(), RpnnError> {
-    let io = |reason: String| RpnnError::Io { path: path.to_owned(), reason };
-    let bytes = to_bytes(weights, provenance).map_err(io)?;
-    let temporary = path.with_extension("safetensors.tmp");
+    let bytes =
+        to_bytes(weights, provenance).map_err(|reason| RpnnError::Io { path: path.to_owned(), reason })?;
+    write_whole(path, &bytes)
+}
+
+/// Writes a file by way of a temporary one beside it, so that it is never seen half written.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RpnnError> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".tmp");
+    let temporary = path.with_file_name(name);
     let written = std::fs::File::create(&temporary).and_then(|mut file| {
-        std::io::Write::write_all(&mut file, &bytes)?;
+        std::io::Write::write_all(&mut file, bytes)?;
         file.sync_all()?;
         std::fs::rename(&temporary, path)
     });
     written.map_err(|e| {
         // The rename did not happen: the half-written file is of no use.
         let _ = std::fs::remove_file(&temporary);
-        io(e.to_string())
+        RpnnError::Io { path: path.to_owned(), reason: e.to_string() }
     })
+}
+
+/// Reads a file of at most `limit` bytes.
+pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>, RpnnError> {
+    let io = |reason: String| RpnnError::Io { path: path.to_owned(), reason };
+    let length = std::fs::metadata(path).map_err(|e| io(e.to_string()))?.len();
+    if length > limit {
+        return Err(io(format!("{length} bytes; such a file takes at most {limit}")));
+    }
+    std::fs::read(path).map_err(|e| io(e.to_string()))
 }
 
 fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, String> {
@@ -75,12 +94,14 @@ fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, Strin
         .map(|(name, shape, bytes)| Ok((name, TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
         .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
         .map_err(|e| e.to_string())?;
-    let header = HashMap::from([
-        ("format".to_owned(), FORMAT.to_owned()),
-        ("variant".to_owned(), weights.variant().name().to_owned()),
-        ("stencil".to_owned(), stencil()),
-        ("provenance".to_owned(), serde_json::to_string(provenance).map_err(|e| e.to_string())?),
-    ]);
+    let header = serde_json::json!({
+        "format": FORMAT,
+        "variant": weights.variant().name(),
+        "stencil": stencil(),
+        "provenance": provenance,
+    });
+    // One entry: a map's order would change the bytes from run to run.
+    let header = HashMap::from([(ENTRY.to_owned(), header.to_string())]);
     serialize(views, Some(header)).map_err(|e| e.to_string())
 }
 
@@ -90,12 +111,7 @@ fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, Strin
 /// [`RpnnError::Io`] when the file cannot be read, [`RpnnError::Unsupported`] naming the header field that
 /// does not fit this crate's network.
 pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
-    let io = |reason: String| RpnnError::Io { path: path.to_owned(), reason };
-    let length = std::fs::metadata(path).map_err(|e| io(e.to_string()))?.len();
-    if length > MAX_BYTES {
-        return Err(io(format!("{length} bytes; weights take at most {MAX_BYTES}")));
-    }
-    parse(path, &std::fs::read(path).map_err(|e| io(e.to_string()))?)
+    parse(path, &read_bounded(path, MAX_BYTES)?)
 }
 
 /// Reads weights from memory; `name` stands in for the path in errors.
@@ -105,8 +121,9 @@ pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
 pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnError> {
     let io = |reason: String| RpnnError::Io { path: name.to_owned(), reason };
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| io(e.to_string()))?;
-    let fields = header.metadata().clone().unwrap_or_default();
-    let field = |key: &str| fields.get(key).cloned().unwrap_or_default();
+    let entry = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).map_or("{}", String::as_str);
+    let fields: serde_json::Value = serde_json::from_str(entry).map_err(|e| io(e.to_string()))?;
+    let field = |key: &str| fields[key].as_str().unwrap_or_default().to_owned();
     let unsupported = |key: &str, needed: &str| RpnnError::Unsupported {
         path: name.to_owned(),
         field: key.to_owned(),
@@ -120,7 +137,7 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnErr
     }
     let variant = Variant::from_name(&field("variant"))
         .ok_or_else(|| unsupported("variant", "baseline, L, O and L+O"))?;
-    let provenance: Provenance = serde_json::from_str(&field("provenance"))
+    let provenance: Provenance = serde_json::from_value(fields["provenance"].clone())
         .map_err(|_| unsupported("provenance", "a complete record"))?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| io(e.to_string()))?;
     let mut weights = Weights::zeros(variant);
@@ -172,7 +189,10 @@ mod tests {
             let path = folder.path().join("w.safetensors");
             let weights = Weights::initial(variant, 9, 0.3);
             save(&path, &weights, &provenance()).unwrap();
-            assert_eq!(load(&path).unwrap(), (weights, provenance()));
+            assert_eq!(load(&path).unwrap(), (weights.clone(), provenance()));
+            let bytes = std::fs::read(&path).unwrap();
+            save(&path, &weights, &provenance()).unwrap();
+            assert_eq!(bytes, std::fs::read(&path).unwrap(), "the same bytes");
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
     }

@@ -8,7 +8,9 @@
 //! | [`file`](mod@file) | weights as safetensors files that say what they were trained for |
 //! | [`transform`] | from raw stencils to the network's input |
 //! | [`network`] | forward and backward passes on packed matrix products |
+//! | [`inference`] | radiance of raw stencils, any number of them |
 //! | [`adamw`] | the optimiser |
+//! | [`train`] | training runs |
 //! | `reference` | the same network on candle (feature `candle`): the gradient oracle |
 //!
 //! One sample is one surface point in one channel: a stencil of 9 levels x 135 cells x 2 features
@@ -18,15 +20,18 @@
 pub mod adamw;
 pub mod error;
 pub mod file;
+pub mod inference;
 mod kernel;
 pub mod network;
 #[cfg(feature = "candle")]
 pub mod reference;
+pub mod train;
 pub mod transform;
 pub mod variant;
 pub mod weights;
 
 pub use error::RpnnError;
-pub use network::Network;
+pub use inference::Inference;
+pub use network::{Network, Precision};
 pub use variant::Variant;
 pub use weights::Weights;

@@ -17,10 +17,23 @@ use crate::kernel::{Matrix, product};
 use crate::variant::{Block, INPUTS, LEVEL_INPUTS, LEVELS, Layer, OCTANT_INPUTS, OCTANTS, octant_gather};
 use crate::{RpnnError, Variant, Weights};
 
-/// The network and the memory of one batch: activations for the backward pass and scratch.
+/// Number format of the products; sums, weights and everything between the products are f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Both factors in f32.
+    #[default]
+    F32,
+    /// Both factors rounded to bf16, except in the last three layers.
+    Bf16,
+}
+
+/// The network with its weights and the memory of one batch: activations for the backward pass and scratch.
 #[derive(Clone, Debug)]
 pub struct Network {
+    weights: Weights,
     variant: Variant,
+    precision: Precision,
     batch: usize,
     gather: [[u16; OCTANT_INPUTS]; OCTANTS],
     levels: Vec<Level>,
@@ -44,11 +57,11 @@ struct Level {
 }
 
 impl Network {
-    /// A network for batches of up to `batch` samples.
+    /// A network for batches of up to `batch` samples, its weights all zero.
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] for a batch of 0 or more than 65,536.
-    pub fn new(variant: Variant, batch: usize) -> Result<Self, RpnnError> {
+    pub fn new(variant: Variant, batch: usize, precision: Precision) -> Result<Self, RpnnError> {
         if !(1..=65_536).contains(&batch) {
             return Err(RpnnError::invalid("batch", format!("{batch}; 1 to 65536 are possible")));
         }
@@ -69,7 +82,9 @@ impl Network {
             })
             .collect();
         Ok(Self {
+            weights: Weights::zeros(variant),
             variant,
+            precision,
             batch,
             gather: std::array::from_fn(octant_gather),
             levels,
@@ -87,15 +102,34 @@ impl Network {
         self.variant
     }
 
+    /// The format of the products.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Takes over weights.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when they belong to another variant.
+    pub fn load(&mut self, weights: &Weights) -> Result<(), RpnnError> {
+        if weights.variant() != self.variant {
+            return Err(RpnnError::invalid(
+                "weights",
+                format!("belong to {}, the network is {}", weights.variant().name(), self.variant.name()),
+            ));
+        }
+        self.weights.values_mut().copy_from_slice(weights.values());
+        Ok(())
+    }
+
     /// Radiance of each sample: `inputs` is `[sample][level][cell z][cell y][cell x][feature]` after the
     /// feature transform, `out` `[sample]`.
     ///
     /// # Errors
-    /// [`RpnnError::Invalid`] when the buffers' lengths differ, exceed the batch, or the weights belong to
-    /// another variant.
-    pub fn forward(&mut self, weights: &Weights, inputs: &[f32], out: &mut [f32]) -> Result<(), RpnnError> {
+    /// [`RpnnError::Invalid`] when the buffers' lengths differ or exceed the batch.
+    pub fn forward(&mut self, inputs: &[f32], out: &mut [f32]) -> Result<(), RpnnError> {
         let n = out.len();
-        self.check(weights, n)?;
+        self.check(n)?;
         if inputs.len() != n * INPUTS {
             return Err(RpnnError::invalid(
                 "inputs",
@@ -103,14 +137,17 @@ impl Network {
             ));
         }
         let width = self.variant.width();
-        let layout = weights.layout();
         for k in 0..LEVELS {
             self.load_level(inputs, k, n);
+        }
+        let weights = &self.weights;
+        let layout = weights.layout();
+        for k in 0..LEVELS {
             let (finer, rest) = self.levels.split_at_mut(k);
             let previous = finer.last().map(|l| &l.state[..n * width]);
             forward_block(weights, layout.blocks[k], &mut rest[0], previous, n, self.variant);
         }
-        let (rows, end_width) = self.end_shape(n);
+        let (rows, end_width) = end_shape(self.variant, n);
         let [e1, e2, e3] = layout.end.map(|i| &layout.layers[i]);
         let used = rows * end_width;
         dense(weights, e1, &self.levels[LEVELS - 1].state[..used], &mut self.end1[..used], rows);
@@ -133,29 +170,27 @@ impl Network {
     /// Adds the gradient of a loss to `gradient`, laid out like the weights, given its derivative by each
     /// output of the last [`Network::forward`] (`out` as that call left it, `d_out` `[sample]`).
     ///
+    /// An output that its ReLU cut off to zero passes on what would raise it, or a network whose outputs
+    /// are all cut off would never learn again.
+    ///
     /// # Errors
     /// As [`Network::forward`].
-    pub fn backward(
-        &mut self,
-        weights: &Weights,
-        out: &[f32],
-        d_out: &[f32],
-        gradient: &mut [f32],
-    ) -> Result<(), RpnnError> {
+    pub fn backward(&mut self, out: &[f32], d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
         let n = out.len();
-        self.check(weights, n)?;
-        if d_out.len() != n || gradient.len() != weights.values().len() {
+        self.check(n)?;
+        if d_out.len() != n || gradient.len() != self.weights.values().len() {
             return Err(RpnnError::invalid("gradient", "buffers do not match the outputs and the weights"));
         }
         let width = self.variant.width();
+        let weights = &self.weights;
         let layout = weights.layout();
-        let (rows, end_width) = self.end_shape(n);
+        let (rows, end_width) = end_shape(self.variant, n);
         let used = rows * end_width;
         let [e1, e2, e3] = layout.end.map(|i| &layout.layers[i]);
         let summed = rows / n.max(1);
         for (i, term) in self.terms[..rows].iter_mut().enumerate() {
             let sample = i / summed;
-            *term = if out[sample] > 0.0 { d_out[sample] } else { 0.0 };
+            *term = if out[sample] > 0.0 { d_out[sample] } else { d_out[sample].min(0.0) };
         }
         let terms = &self.terms[..rows];
         weight_gradient(gradient, e3, terms, &self.end2[..used], rows);
@@ -187,22 +222,11 @@ impl Network {
         Ok(())
     }
 
-    fn check(&self, weights: &Weights, n: usize) -> Result<(), RpnnError> {
-        if weights.variant() != self.variant {
-            return Err(RpnnError::invalid(
-                "weights",
-                format!("belong to {}, the network is {}", weights.variant().name(), self.variant.name()),
-            ));
-        }
+    fn check(&self, n: usize) -> Result<(), RpnnError> {
         if n > self.batch {
             return Err(RpnnError::invalid("samples", format!("{n} exceed the batch of {}", self.batch)));
         }
         Ok(())
-    }
-
-    /// Rows and width of the end's layers for `n` samples.
-    fn end_shape(&self, n: usize) -> (usize, usize) {
-        if self.variant.shares_octants() { (n * OCTANTS, OCTANT_INPUTS) } else { (n, LEVEL_INPUTS) }
     }
 
     /// Copies level `k` of every sample, octant by octant with ≡O.
@@ -222,8 +246,8 @@ impl Network {
     }
 }
 
-/// How the entry layers see a level: rows and row width.
-fn entry_shape(variant: Variant, n: usize) -> (usize, usize) {
+/// Rows and row width of the layers that octants share, for `n` samples.
+fn end_shape(variant: Variant, n: usize) -> (usize, usize) {
     if variant.shares_octants() { (n * OCTANTS, OCTANT_INPUTS) } else { (n, LEVEL_INPUTS) }
 }
 
@@ -239,7 +263,7 @@ fn forward_block(
     let used = n * width;
     let layers = &weights.layout().layers;
     if let Some([first, second]) = block.entry {
-        let (rows, _) = entry_shape(variant, n);
+        let (rows, _) = end_shape(variant, n);
         dense(weights, &layers[first], &level.input[..used], &mut level.hidden[..used], rows);
         dense(weights, &layers[second], &level.hidden[..used], &mut level.entered[..used], rows);
     }
@@ -313,7 +337,7 @@ fn backward_block(
         d_state
     };
     if let Some([first, second]) = block.entry {
-        let (rows, row_width) = entry_shape(variant, n);
+        let (rows, row_width) = end_shape(variant, n);
         mask(d_value, value);
         weight_gradient(gradient, &layers[second], d_value, &level.hidden[..used], rows);
         product(

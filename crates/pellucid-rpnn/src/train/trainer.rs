@@ -1,0 +1,252 @@
+//! The state of a training run and its steps.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use super::augment::Augment;
+use super::{Curve, CurvePoint, SampleSource, Score, TrainSettings};
+use crate::adamw::AdamW;
+use crate::variant::INPUTS;
+use crate::{Inference, Network, RpnnError, Weights};
+
+/// A training run: weights, optimiser and curve. One step after another is a pure function of the
+/// settings and the source, so a run that was stopped goes on as if it had not been.
+///
+/// ```
+/// use pellucid_rpnn::train::{SampleSource, TrainSettings, Trainer};
+/// struct Glow;
+/// impl SampleSource for Glow {
+///     fn batch(
+///         &mut self,
+///         index: u64,
+///         stencils: &mut [f32],
+///         radiance: &mut [f32],
+///     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+///         stencils.fill(0.1 * index as f32);
+///         radiance.fill(0.5);
+///         Ok(())
+///     }
+/// }
+/// let settings = TrainSettings { steps: 3, warm_up: 1, batch: 2, ..Default::default() };
+/// let mut trainer = Trainer::new(settings).unwrap();
+/// while !trainer.finished() {
+///     trainer.step(&mut Glow).unwrap();
+/// }
+/// assert_eq!(trainer.steps_done(), 3);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Trainer {
+    settings: TrainSettings,
+    weights: Weights,
+    optimiser: AdamW,
+    curve: Curve,
+    /// Squared errors since the curve's last row, and their batches.
+    pending: (f64, u64),
+    /// Seconds spent in [`Trainer::run`].
+    seconds: f64,
+    network: Network,
+    augment: Augment,
+    buffers: Buffers,
+}
+
+#[derive(Clone, Debug)]
+struct Buffers {
+    inputs: Vec<f32>,
+    labels: Vec<f32>,
+    out: Vec<f32>,
+    d_out: Vec<f32>,
+    gradient: Vec<f32>,
+}
+
+/// What a checkpoint keeps beside the settings.
+pub(super) struct State {
+    pub weights: Weights,
+    pub optimiser: AdamW,
+    pub curve: Curve,
+    pub pending: (f64, u64),
+    pub seconds: f64,
+}
+
+/// What one step did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Steps done, this one included.
+    pub step: u64,
+    /// Mean squared error of the batch before the step.
+    pub loss: f64,
+    /// Norm of the gradient before clipping.
+    pub gradient_norm: f64,
+    /// Learning rate.
+    pub rate: f64,
+}
+
+impl Trainer {
+    /// A run from random weights.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] naming the setting that is out of range.
+    pub fn new(settings: TrainSettings) -> Result<Self, RpnnError> {
+        settings.check()?;
+        let weights = Weights::initial(settings.variant, settings.seed, settings.mean_radiance);
+        let optimiser = AdamW::new(settings.optimiser, weights.values());
+        let state = State { weights, optimiser, curve: Curve::default(), pending: (0.0, 0), seconds: 0.0 };
+        Self::from_state(settings, state)
+    }
+
+    pub(super) fn from_state(settings: TrainSettings, state: State) -> Result<Self, RpnnError> {
+        settings.check()?;
+        let batch = settings.batch;
+        let network = Network::new(settings.variant, batch, settings.precision)?;
+        let augment = Augment::new(settings.transform, settings.mirror, settings.seed);
+        let buffers = Buffers {
+            inputs: vec![0.0; batch * INPUTS],
+            labels: vec![0.0; batch],
+            out: vec![0.0; batch],
+            d_out: vec![0.0; batch],
+            gradient: vec![0.0; state.weights.values().len()],
+        };
+        let State { weights, optimiser, curve, pending, seconds } = state;
+        Ok(Self { settings, weights, optimiser, curve, pending, seconds, network, augment, buffers })
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &TrainSettings {
+        &self.settings
+    }
+
+    /// Changes the run's length; the learning rate follows the new schedule from the next step on.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when the warm-up does not fit.
+    pub fn set_steps(&mut self, steps: u64) -> Result<(), RpnnError> {
+        let settings = TrainSettings { steps, ..self.settings.clone() };
+        settings.check()?;
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Steps done.
+    pub fn steps_done(&self) -> u64 {
+        self.optimiser.step
+    }
+
+    /// True once all steps are done.
+    pub fn finished(&self) -> bool {
+        self.steps_done() >= self.settings.steps
+    }
+
+    /// The weights as they are.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// The moving average of the weights: what to predict with.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when training has diverged.
+    pub fn averaged(&self) -> Result<Weights, RpnnError> {
+        Weights::new(self.settings.variant, self.optimiser.average.clone())
+    }
+
+    /// The optimiser's state.
+    pub fn optimiser(&self) -> &AdamW {
+        &self.optimiser
+    }
+
+    /// Loss and validation so far.
+    pub fn curve(&self) -> &Curve {
+        &self.curve
+    }
+
+    /// Seconds spent in [`Trainer::run`], checkpoints resumed from included.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    pub(super) fn pending(&self) -> (f64, u64) {
+        self.pending
+    }
+
+    /// One step on the batch whose index is the number of steps done.
+    ///
+    /// # Errors
+    /// [`RpnnError::Source`] when there is no batch, [`RpnnError::Invalid`] when a sample or the gradient is
+    /// not finite; the state is as before then.
+    pub fn step(&mut self, source: &mut dyn SampleSource) -> Result<StepReport, RpnnError> {
+        let index = self.optimiser.step;
+        let b = &mut self.buffers;
+        source
+            .batch(index, &mut b.inputs, &mut b.labels)
+            .map_err(|reason| RpnnError::Source { batch: index, reason })?;
+        self.augment.apply(index, &mut b.inputs);
+        self.network.load(&self.weights)?;
+        self.network.forward(&b.inputs, &mut b.out)?;
+        let scale = 2.0 / self.settings.batch as f32;
+        let mut squares = 0.0;
+        for ((d, out), label) in b.d_out.iter_mut().zip(&b.out).zip(&b.labels) {
+            let difference = out - label;
+            squares += f64::from(difference).powi(2);
+            *d = scale * difference;
+        }
+        let loss = squares / self.settings.batch as f64;
+        b.gradient.fill(0.0);
+        self.network.backward(&b.out, &b.d_out, &mut b.gradient)?;
+        let rate = self.settings.rate(index);
+        let gradient_norm = self.optimiser.step(self.weights.values_mut(), &b.gradient, rate)?;
+        self.pending = (self.pending.0 + loss, self.pending.1 + 1);
+        Ok(StepReport { step: index + 1, loss, gradient_norm, rate })
+    }
+
+    /// Adds a row to the curve after the step of `report`.
+    pub fn record(&mut self, report: &StepReport, validation: Option<Score>) {
+        let (sum, batches) = std::mem::take(&mut self.pending);
+        self.curve.points.push(CurvePoint {
+            step: report.step,
+            samples: report.step * self.settings.batch as u64,
+            loss: sum / batches.max(1) as f64,
+            rate: report.rate,
+            gradient_norm: report.gradient_norm,
+            validation,
+        });
+    }
+
+    /// Error of the averaged weights on raw stencils (1/mm, as [`Inference::radiance`] takes them).
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when lengths do not agree.
+    pub fn validate(
+        &self,
+        stencils: &[f32],
+        labels: &[f32],
+        standard_error: &[f32],
+    ) -> Result<Score, RpnnError> {
+        let mut inference =
+            Inference::new(&self.averaged()?, self.settings.transform, self.settings.precision)?;
+        let mut out = vec![0.0; labels.len()];
+        inference.radiance(stencils, &mut out)?;
+        Score::new(&out, labels, standard_error)
+    }
+
+    /// Steps until the end or until `after_step` breaks. It is called after every step and may record,
+    /// validate and write checkpoints.
+    ///
+    /// # Errors
+    /// As [`Trainer::step`], and what `after_step` returns.
+    pub fn run(
+        &mut self,
+        source: &mut dyn SampleSource,
+        mut after_step: impl FnMut(&mut Self, &StepReport) -> Result<ControlFlow<()>, RpnnError>,
+    ) -> Result<(), RpnnError> {
+        let mut last = Instant::now();
+        while !self.finished() {
+            let report = self.step(source)?;
+            let now = Instant::now();
+            self.seconds += (now - last).as_secs_f64();
+            last = now;
+            if after_step(self, &report)?.is_break() {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
