@@ -8,15 +8,23 @@
 //! | [`shape`] | the solids, as signed distances |
 //! | [`texture`] | material arrangements: patterns, mixtures, halftone |
 //! | [`noise`] | the noise they are made of |
+//! | [`blue_noise`] | thresholds of a refined print's halftone |
 //! | [`volume`] | voxels |
+//! | [`samples`] | labelled points of a volume: stencils and radiance |
+//! | [`stream`] | an endless stream of training batches |
 #![forbid(unsafe_code)]
 
+pub mod blue_noise;
 pub mod error;
 pub mod noise;
 pub mod recipe;
+pub mod samples;
 pub mod shape;
+pub mod stream;
 pub mod texture;
 pub mod volume;
 
 pub use error::DatasetError;
 pub use recipe::{Recipe, ShapeClass, Split};
+pub use samples::{Labels, STENCIL_VALUES, Sampler, Samples};
+pub use stream::{Stream, StreamOptions};

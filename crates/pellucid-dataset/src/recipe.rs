@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::DatasetError;
-use crate::noise::unit;
+use crate::noise::{hash, unit};
 use crate::shape::Shape;
 use crate::texture::{Dither, Pattern, Texture, random_mixture};
 
@@ -60,8 +60,12 @@ pub struct Recipe {
     pub seed: u64,
     /// Voxel edges.
     pub pitch: Pitch,
-    /// Smallest and largest edge or diameter of the solids in mm.
+    /// Smallest and largest edge or diameter of most solids in mm.
     pub size_mm: [f64; 2],
+    /// Largest edge or diameter of the others in mm: they go from [`Recipe::size_mm`]'s end up to here.
+    pub large_mm: f64,
+    /// Part of the volumes that are large, within 0..=1.
+    pub large_share: f64,
     /// Refractive index of the boundary.
     pub refractive_index: f64,
     /// The uses.
@@ -79,6 +83,12 @@ impl Recipe {
         let [low, high] = self.size_mm;
         if !(1.0..=100.0).contains(&low) || !(low..=100.0).contains(&high) {
             return invalid("size_mm".into(), "must ascend within 1 to 100 mm");
+        }
+        if !(high..=100.0).contains(&self.large_mm) {
+            return invalid("large_mm".into(), "must lie between the end of size_mm and 100");
+        }
+        if !(0.0..=1.0).contains(&self.large_share) {
+            return invalid("large_share".into(), "must lie within 0 to 1");
         }
         if !(1.0..=4.0).contains(&self.refractive_index) {
             return invalid("refractive_index".into(), "must lie within 1 to 4");
@@ -118,21 +128,19 @@ impl Recipe {
 
     /// Solid and arrangement of a volume of a split, for `materials` materials of which the last is white.
     pub fn draw(&self, split: &Split, volume: u32, materials: usize) -> (Shape, Texture) {
+        let mut rng = self.rng(split, volume, 0);
+        let shape = self.draw_shape(split, &mut rng);
+        (shape, draw_texture(&mut rng, materials))
+    }
+
+    /// The random numbers of a volume; `purpose` tells independent uses apart.
+    pub(crate) fn rng(&self, split: &Split, volume: u32, purpose: u64) -> Pcg64 {
         // Splits must not share volumes: the name decides the stream.
-        let stream = split
+        let name = split
             .name
             .bytes()
             .fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
-        let mut rng = Pcg64::new(
-            u128::from(self.seed) << 64 | u128::from(stream),
-            u128::from(volume).wrapping_mul(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835),
-        );
-        // The first outputs of neighbouring streams resemble each other.
-        (0..4).for_each(|_| {
-            rng.next_u64();
-        });
-        let shape = self.draw_shape(split, &mut rng);
-        (shape, draw_texture(&mut rng, materials))
+        rng(self.seed ^ hash(name, 0, 0, 0), purpose, u64::from(volume))
     }
 
     fn draw_shape(&self, split: &Split, rng: &mut Pcg64) -> Shape {
@@ -146,7 +154,8 @@ impl Recipe {
                 break;
             }
         }
-        let [low, high] = self.size_mm;
+        let [low, high] =
+            if uniform(rng) < self.large_share { [self.size_mm[1], self.large_mm] } else { self.size_mm };
         let size = low * (high / low).powf(uniform(rng));
         let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let turned = random_rotation(rng);
@@ -166,7 +175,7 @@ impl Recipe {
                 Shape::Box { edges, turn }
             }
             ShapeClass::Torus => {
-                let tube = size * between(rng, 0.05, 0.2);
+                let tube = (size * between(rng, 0.05, 0.2)).max(0.15);
                 Shape::Torus { axis, ring: 0.5 * size - tube, tube }
             }
             ShapeClass::Hollow => {
@@ -175,10 +184,21 @@ impl Recipe {
             ShapeClass::Concave => Shape::Bowl { diameter: size, cut: size * between(rng, 0.4, 0.9), axis },
             ShapeClass::Tube => {
                 let diameter = between(rng, 0.6, 4.0).min(size);
-                Shape::Pipe { axis, diameter, wall: diameter * between(rng, 0.15, 0.6), length: size }
+                Shape::Pipe {
+                    axis,
+                    diameter,
+                    wall: (diameter * between(rng, 0.15, 0.6)).max(0.2),
+                    length: size,
+                }
             }
         }
     }
+}
+
+/// Random numbers addressed by seed, purpose and item.
+pub(crate) fn rng(seed: u64, purpose: u64, item: u64) -> Pcg64 {
+    let word = |i| u128::from(hash(seed, purpose as i64, item as i64, i));
+    Pcg64::new(word(0) << 64 | word(1), word(2) << 64 | word(3))
 }
 
 fn uniform(rng: &mut Pcg64) -> f64 {
@@ -203,35 +223,46 @@ fn random_rotation(rng: &mut Pcg64) -> [[f64; 3]; 3] {
 }
 
 fn draw_texture(rng: &mut Pcg64, materials: usize) -> Texture {
-    let pattern = match (uniform(rng) * 10.0) as u32 {
-        0 => Pattern::Constant,
-        1 => Pattern::Speckle,
-        2..=4 => Pattern::Bands,
-        5..=6 => Pattern::Blend,
+    let mut core = vec![0.0; materials];
+    core[materials - 1] = 1.0;
+    // Two families: what a refined print looks like, and arrangements of every kind (paper, section 4.1).
+    let print = uniform(rng) < 0.5;
+    let kind = (uniform(rng) * 10.0) as u32;
+    let pattern = match (print, kind) {
+        (true, 0..=5) | (false, 5..=6) => Pattern::Blend,
+        (true, 6..=7) | (false, 2..=4) => Pattern::Bands,
+        (false, 0) => Pattern::Constant,
+        (false, 1) => Pattern::Speckle,
         _ => Pattern::Cells,
     };
     let colors = 2 + (uniform(rng) * 5.0) as usize;
     let palette = (0..colors).map(|_| random_mixture(rng, materials)).collect();
-    let mut core = vec![0.0; materials];
-    core[materials - 1] = 1.0;
-    let depth_mm = match (uniform(rng) * 10.0) as u32 {
+    let depth_mm = match (print, (uniform(rng) * 10.0) as u32) {
+        (true, _) => 0.05 * 40f64.powf(uniform(rng)),
         // The whole volume, a thin coat of some voxels, or an extrusion of varied depth.
-        0..=2 => f64::INFINITY,
-        3..=4 => 0.03 * 8f64.powf(uniform(rng)),
+        (false, 0..=2) => f64::INFINITY,
+        (false, 3..=4) => 0.03 * 8f64.powf(uniform(rng)),
         _ => 0.25 * 12f64.powf(uniform(rng)),
     };
-    if uniform(rng) < 0.1 {
+    if !print && uniform(rng) < 0.15 {
         core = random_mixture(rng, materials);
     }
+    let dither = uniform(rng);
     Texture {
         seed: rng.next_u64(),
         pattern,
-        scale_mm: 0.08 * 60f64.powf(uniform(rng)),
+        scale_mm: if print { 0.3 * 30f64.powf(uniform(rng)) } else { 0.08 * 60f64.powf(uniform(rng)) },
         octaves: 1 + (uniform(rng) * 3.0) as u32,
         palette,
         depth_mm,
+        relief: if uniform(rng) < 0.5 { 0.0 } else { uniform(rng) },
+        fade: print && uniform(rng) < 0.5,
         core,
-        dither: if uniform(rng) < 0.3 { Dither::White } else { Dither::Recurrence },
+        dither: match print {
+            true if dither < 0.7 => Dither::Blue,
+            _ if dither < 0.8 => Dither::Recurrence,
+            _ => Dither::White,
+        },
     }
 }
 
@@ -253,6 +284,8 @@ mod tests {
             seed: 5,
             pitch: Pitch::j750(),
             size_mm: [2.0, 4.0],
+            large_mm: 5.0,
+            large_share: 0.1,
             refractive_index: 1.5,
             splits: vec![split("train"), split("test")],
         }

@@ -2,6 +2,7 @@
 
 use pellucid_voxel::{AIR, Frame, LabelGrid, Pitch, TILE, TILE_VOXELS, Tile, VoxelError};
 
+use crate::blue_noise::BlueNoise;
 use crate::shape::Shape;
 use crate::texture::Texture;
 
@@ -9,7 +10,12 @@ use crate::texture::Texture;
 ///
 /// # Errors
 /// [`VoxelError`] when the solid needs more voxels than a frame holds.
-pub fn fill(shape: &Shape, texture: &Texture, pitch: Pitch) -> Result<LabelGrid, VoxelError> {
+pub fn fill(
+    shape: &Shape,
+    texture: &Texture,
+    pitch: Pitch,
+    blue: &BlueNoise,
+) -> Result<LabelGrid, VoxelError> {
     let mm = pitch.mm();
     let half: [u32; 3] = {
         let reach = shape.reach();
@@ -19,24 +25,28 @@ pub fn fill(shape: &Shape, texture: &Texture, pitch: Pitch) -> Result<LabelGrid,
     let frame = Frame::new(origin, pitch, half.map(|h| 2 * h))?;
     // No voxel of a tile is farther from the tile's centre than this.
     let radius = 0.5 * TILE as f64 * (mm[0] * mm[0] + mm[1] * mm[1] + mm[2] * mm[2]).sqrt();
+    let core = texture.constant_core();
     Ok(LabelGrid::from_tiles(frame, |t| {
         let base = t.map(|v| i64::from(v) * TILE as i64);
         let centre: [f64; 3] =
             std::array::from_fn(|a| origin[a] + (base[a] as f64 + 0.5 * TILE as f64) * mm[a]);
-        if shape.distance(centre) > radius {
+        let middle = shape.distance(centre);
+        if middle > radius {
             return Tile::Constant(AIR);
         }
+        if let Some((label, depth)) = core
+            && -middle - radius > depth
+        {
+            return Tile::Constant(label);
+        }
+        let mut painter = texture.painter(blue, &frame, base);
         let mut labels = Box::new([AIR; TILE_VOXELS]);
         for (i, label) in labels.iter_mut().enumerate() {
-            let voxel = [
-                base[0] + (i % TILE) as i64,
-                base[1] + (i / TILE % TILE) as i64,
-                base[2] + (i / TILE / TILE) as i64,
-            ];
-            let p = frame.centre_mm(voxel);
-            let distance = shape.distance(p);
+            let local = [i % TILE, i / TILE % TILE, i / TILE / TILE];
+            let distance =
+                shape.distance(frame.centre_mm(std::array::from_fn(|a| base[a] + local[a] as i64)));
             if distance < 0.0 {
-                *label = texture.label(voxel, p, -distance);
+                *label = painter.label(local, -distance);
             }
         }
         Tile::Dense(labels)
@@ -57,10 +67,14 @@ mod tests {
             octaves: 1,
             palette: vec![vec![0.0, 1.0, 0.0]],
             depth_mm: 0.5,
+            relief: 0.0,
+            fade: false,
             core: vec![0.0, 0.0, 1.0],
             dither: Dither::White,
         };
-        let grid = fill(&Shape::Sphere { diameter: 4.0 }, &texture, Pitch::j750()).unwrap();
+        let grid =
+            fill(&Shape::Sphere { diameter: 4.0 }, &texture, Pitch::j750(), &BlueNoise::new(Pitch::j750()))
+                .unwrap();
         let counts = grid.histogram();
         let volume = |n: u64| n as f64 * Pitch::j750().volume_mm3();
         let ball = |r: f64| 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);

@@ -1,0 +1,342 @@
+//! An endless stream of training batches, made while they are used.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use pellucid_trace::Boundary;
+use pellucid_voxel::{Control, MaterialTable};
+use rayon::prelude::*;
+
+use crate::samples::{Labels, STENCIL_VALUES, Sampler, permutation};
+use crate::{DatasetError, Recipe};
+
+/// What a stream consists of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamOptions {
+    /// Samples a batch.
+    pub batch: usize,
+    /// Volumes whose samples are shuffled together, even.
+    pub window: u32,
+    /// Surface points drawn from each volume; each is a sample in every channel.
+    pub points: u32,
+    /// Paths a point and channel of the labels.
+    pub spp: u32,
+    /// The object's surface.
+    pub boundary: Boundary,
+    /// Seed of the shuffle; volumes and labels follow from the recipe's.
+    pub seed: u64,
+    /// Threads that make samples in the background.
+    pub threads: usize,
+}
+
+impl Default for StreamOptions {
+    /// Batches of 256 from windows of 64 volumes with 768 points, 64 paths a label, one thread: 1.1 GB.
+    fn default() -> Self {
+        Self {
+            batch: 256,
+            window: 64,
+            points: 768,
+            spp: 64,
+            boundary: Boundary::default(),
+            seed: 0,
+            threads: 1,
+        }
+    }
+}
+
+impl StreamOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`DatasetError::Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), DatasetError> {
+        let positive = [
+            ("batch", self.batch as u64),
+            ("points", u64::from(self.points)),
+            ("spp", u64::from(self.spp)),
+            ("threads", self.threads as u64),
+        ];
+        if let Some((field, _)) = positive.iter().find(|(_, n)| *n == 0) {
+            return Err(DatasetError::invalid(*field, "must be at least 1"));
+        }
+        if self.window < 2 || !self.window.is_multiple_of(2) {
+            return Err(DatasetError::invalid("window", format!("{}; it must be even", self.window)));
+        }
+        Ok(())
+    }
+}
+
+/// An endless, addressable stream of training samples. One sample is one surface point in one channel.
+///
+/// Volumes come in blocks of half a window. A window holds the second half of one block's samples and the
+/// first half of the next one's, drawn and shuffled at random, so that most volumes appear in two windows but
+/// every sample once (but for the first half of block 0, which no window holds). Batch `i` is a function of
+/// recipe, split, materials, options and `i` only: a training run resumes at any batch, bit for bit.
+///
+/// A background thread makes the next block while the current window is used; three blocks are in memory at
+/// the most. Stencils are kept as f16, 4860 bytes a sample. The split's own numbers of volumes, points and
+/// paths do not bound a stream; its volumes go on to number 2^32.
+pub struct Stream {
+    options: StreamOptions,
+    /// Samples a block, and so a window.
+    samples: usize,
+    per_window: u64,
+    jobs: Option<Sender<Job>>,
+    made: Receiver<(u64, Result<Block, DatasetError>)>,
+    worker: Option<JoinHandle<()>>,
+    tickets: u64,
+    asked: Vec<Asked>,
+    held: Vec<(u64, Block)>,
+    window: Option<(u64, Vec<u32>)>,
+}
+
+/// A block asked for and not yet received.
+struct Asked {
+    block: u64,
+    ticket: u64,
+    cancel: Arc<AtomicBool>,
+}
+
+struct Job {
+    block: u64,
+    ticket: u64,
+    cancel: Arc<AtomicBool>,
+}
+
+/// Samples of half a window of volumes, `[volume][point][channel]`.
+struct Block {
+    stencils: Vec<f16>,
+    radiance: Vec<f32>,
+}
+
+/// Marks samples of a window's second block.
+const LATER: u32 = 1 << 31;
+
+impl Stream {
+    /// A stream of a split of a recipe, of `materials` of which the last is white.
+    ///
+    /// # Errors
+    /// [`DatasetError::Invalid`] when recipe or options are out of range, the split is unknown, or a window
+    /// holds less than one batch; [`DatasetError::Worker`] when no thread can be started.
+    pub fn new(
+        recipe: &Recipe,
+        split: &str,
+        materials: &MaterialTable,
+        options: StreamOptions,
+    ) -> Result<Self, DatasetError> {
+        options.check()?;
+        let sampler = Sampler::new(recipe, split, materials, options.boundary)?;
+        let samples = (u64::from(options.window / 2) * u64::from(options.points))
+            .saturating_mul(sampler.channels() as u64);
+        if samples >= u64::from(LATER) || samples < options.batch as u64 {
+            return Err(DatasetError::invalid(
+                "window and points",
+                format!("half a window has {samples} samples; it needs from a batch to 2^31 - 1"),
+            ));
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(options.threads)
+            .build()
+            .map_err(|e| DatasetError::Worker(e.to_string()))?;
+        let (jobs, queue) = channel::<Job>();
+        let (send, made) = channel();
+        let settings = options.clone();
+        let worker = std::thread::Builder::new()
+            .name("samples".into())
+            .spawn(move || {
+                for job in queue {
+                    let control = Control::none().with_cancel(&job.cancel);
+                    let block = pool.install(|| make_block(&sampler, &settings, job.block, &control));
+                    // Nobody listens any more: the stream is gone.
+                    if send.send((job.ticket, block)).is_err() {
+                        return;
+                    }
+                }
+            })
+            .map_err(|e| DatasetError::Worker(e.to_string()))?;
+        Ok(Self {
+            samples: samples as usize,
+            per_window: samples / options.batch as u64,
+            options,
+            jobs: Some(jobs),
+            made,
+            worker: Some(worker),
+            tickets: 0,
+            asked: Vec::new(),
+            held: Vec::new(),
+            window: None,
+        })
+    }
+
+    /// The options.
+    pub fn options(&self) -> &StreamOptions {
+        &self.options
+    }
+
+    /// Batches in a window.
+    pub fn batches_per_window(&self) -> u64 {
+        self.per_window
+    }
+
+    /// Writes batch `index`: `stencils` ordered `[sample][level 9][z 9][y 3][x 5][sigma_s, sigma_a]` in 1/mm,
+    /// as long as the batch times [`STENCIL_VALUES`], and `radiance`, a value a sample.
+    ///
+    /// Batches in turn are cheap; another index waits until its window is made.
+    ///
+    /// # Errors
+    /// [`DatasetError::Invalid`] for buffers of other lengths or an index past the last volume,
+    /// [`DatasetError::Cancelled`], and what [`Sampler::samples`] says.
+    pub fn batch(
+        &mut self,
+        index: u64,
+        stencils: &mut [f32],
+        radiance: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), DatasetError> {
+        let batch = self.options.batch;
+        if stencils.len() != batch * STENCIL_VALUES || radiance.len() != batch {
+            return Err(DatasetError::invalid(
+                "buffers",
+                format!(
+                    "{} and {} values for {batch} samples of {STENCIL_VALUES} and 1",
+                    stencils.len(),
+                    radiance.len()
+                ),
+            ));
+        }
+        let window = index / self.per_window;
+        if (window + 3).saturating_mul(u64::from(self.options.window / 2)) > u64::from(u32::MAX) {
+            return Err(DatasetError::invalid("batch", format!("{index} lies past volume 2^32")));
+        }
+        self.hold(window, control)?;
+        if self.window.as_ref().is_none_or(|(w, _)| *w != window) {
+            self.window = Some((window, self.window_order(window)));
+        }
+        let find = |block: u64| self.held.iter().find(|(b, _)| *b == block).map(|(_, block)| block);
+        let (Some((_, order)), Some(now), Some(later)) = (&self.window, find(window), find(window + 1))
+        else {
+            return Err(DatasetError::Worker("a block is missing".into()));
+        };
+        let first = (index % self.per_window) as usize * batch;
+        let samples = order[first..first + batch].iter();
+        let outputs = stencils.chunks_exact_mut(STENCIL_VALUES).zip(radiance);
+        for (&sample, (stencil, radiance)) in samples.zip(outputs) {
+            let block = if sample & LATER == 0 { now } else { later };
+            let at = (sample & !LATER) as usize;
+            block.stencils[at * STENCIL_VALUES..][..STENCIL_VALUES].convert_to_f32_slice(stencil);
+            *radiance = block.radiance[at];
+        }
+        Ok(())
+    }
+
+    /// Waits until the blocks of a window are there, and has the next one made.
+    fn hold(&mut self, window: u64, control: &Control<'_>) -> Result<(), DatasetError> {
+        let wanted = window..window + 3;
+        self.held.retain(|(block, _)| wanted.contains(block));
+        self.asked.retain(|asked| {
+            let keep = wanted.contains(&asked.block);
+            if !keep {
+                asked.cancel.store(true, Ordering::Relaxed);
+            }
+            keep
+        });
+        for block in wanted {
+            let known = self.held.iter().any(|(b, _)| *b == block)
+                || self.asked.iter().any(|asked| asked.block == block);
+            if !known {
+                self.ask(block)?;
+            }
+        }
+        loop {
+            let missing = (window..window + 2).any(|b| !self.held.iter().any(|(held, _)| *held == b));
+            let received = if missing {
+                control.check()?;
+                match self.made.recv_timeout(Duration::from_millis(50)) {
+                    Err(RecvTimeoutError::Timeout) => continue,
+                    Err(RecvTimeoutError::Disconnected) => {
+                        return Err(DatasetError::Worker("it ended early".into()));
+                    }
+                    Ok(received) => received,
+                }
+            } else {
+                match self.made.try_recv() {
+                    Ok(received) => received,
+                    Err(_) => return Ok(()),
+                }
+            };
+            let (ticket, result) = received;
+            // What was cancelled since arrives late, and is of no use.
+            if let Some(at) = self.asked.iter().position(|asked| asked.ticket == ticket) {
+                let block = self.asked.remove(at).block;
+                self.held.push((block, result?));
+            }
+        }
+    }
+
+    fn ask(&mut self, block: u64) -> Result<(), DatasetError> {
+        self.tickets += 1;
+        let (ticket, cancel) = (self.tickets, Arc::new(AtomicBool::new(false)));
+        let job = Job { block, ticket, cancel: Arc::clone(&cancel) };
+        let sent = self.jobs.as_ref().is_some_and(|jobs| jobs.send(job).is_ok());
+        if !sent {
+            return Err(DatasetError::Worker("it ended early".into()));
+        }
+        self.asked.push(Asked { block, ticket, cancel });
+        Ok(())
+    }
+
+    /// Which samples a window holds, in order.
+    fn window_order(&self, window: u64) -> Vec<u32> {
+        let half = self.samples / 2;
+        let order = |block| permutation(self.samples, crate::recipe::rng(self.options.seed, 2, block));
+        let now = order(window);
+        let later = order(window + 1);
+        let members: Vec<u32> =
+            now[half..].iter().copied().chain(later[..half].iter().map(|&s| s | LATER)).collect();
+        permutation(members.len(), crate::recipe::rng(self.options.seed, 3, window))
+            .into_iter()
+            .map(|i| members[i as usize])
+            .collect()
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        self.asked.iter().for_each(|asked| asked.cancel.store(true, Ordering::Relaxed));
+        self.jobs = None;
+        if let Some(worker) = self.worker.take() {
+            // A panic of the worker was reported when it happened.
+            let _ = worker.join();
+        }
+    }
+}
+
+fn make_block(
+    sampler: &Sampler,
+    options: &StreamOptions,
+    block: u64,
+    control: &Control<'_>,
+) -> Result<Block, DatasetError> {
+    let volumes = u64::from(options.window / 2);
+    let per_volume = options.points as usize * sampler.channels();
+    let mut stencils = vec![f16::ZERO; volumes as usize * per_volume * STENCIL_VALUES];
+    let mut radiance = vec![0.0; volumes as usize * per_volume];
+    stencils
+        .par_chunks_exact_mut(per_volume * STENCIL_VALUES)
+        .zip(radiance.par_chunks_exact_mut(per_volume))
+        .enumerate()
+        .try_for_each(|(i, (stencils, radiance))| {
+            control.check()?;
+            let volume = (block * volumes) as u32 + i as u32;
+            let samples = sampler.samples(volume, options.points, Labels::Paths(options.spp), control)?;
+            stencils.copy_from_slice(&samples.stencils);
+            radiance.copy_from_slice(&samples.radiance);
+            Ok::<(), DatasetError>(())
+        })?;
+    Ok(Block { stencils, radiance })
+}

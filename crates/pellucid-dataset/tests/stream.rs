@@ -1,0 +1,207 @@
+//! The stream of training batches: addressing, and samples against their parts made one by one.
+
+use std::sync::atomic::AtomicBool;
+
+use half::f16;
+use pellucid_dataset::blue_noise::BlueNoise;
+use pellucid_dataset::volume::fill;
+use pellucid_dataset::{
+    DatasetError, Labels, Recipe, STENCIL_VALUES, Sampler, ShapeClass, Split, Stream, StreamOptions,
+};
+use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
+use pellucid_voxel::{Control, MaterialTable, Pitch, Surface, SurfaceOptions};
+
+fn recipe() -> Recipe {
+    let split = |name: &str, density: f64| Split {
+        name: name.into(),
+        volumes: 4,
+        points: 10,
+        spp: 4,
+        shapes: vec![(ShapeClass::Slab, 2.0), (ShapeClass::Tube, 1.0), (ShapeClass::Sphere, 1.0)],
+        density,
+    };
+    Recipe {
+        name: "test".into(),
+        seed: 5,
+        pitch: Pitch::j750(),
+        size_mm: [1.0, 2.0],
+        large_mm: 2.5,
+        large_share: 0.1,
+        refractive_index: 1.5,
+        splits: vec![split("train", 1.0), split("dense", 4.0)],
+    }
+}
+
+fn options() -> StreamOptions {
+    StreamOptions { batch: 16, window: 4, points: 9, spp: 4, ..StreamOptions::default() }
+}
+
+fn stream(options: StreamOptions) -> Stream {
+    Stream::new(&recipe(), "train", &MaterialTable::cmykw(), options).unwrap()
+}
+
+fn batch(stream: &mut Stream, index: u64) -> (Vec<f32>, Vec<f32>) {
+    let batch = stream.options().batch;
+    let (mut stencils, mut radiance) = (vec![f32::NAN; batch * STENCIL_VALUES], vec![f32::NAN; batch]);
+    stream.batch(index, &mut stencils, &mut radiance, &Control::none()).unwrap();
+    (stencils, radiance)
+}
+
+#[test]
+fn a_batch_depends_on_its_index_only() {
+    let mut in_order = stream(options());
+    let count = 5 * in_order.batches_per_window();
+    let expected: Vec<_> = (0..count).map(|i| batch(&mut in_order, i)).collect();
+    let mut jumping = stream(StreamOptions { threads: 3, ..options() });
+    for i in [count - 1, 0, count / 2, 1, count - 2, 2] {
+        assert!(batch(&mut jumping, i) == expected[i as usize], "batch {i}");
+    }
+    let mut resumed = stream(options());
+    for i in 4..count {
+        assert!(batch(&mut resumed, i) == expected[i as usize], "batch {i}");
+    }
+    for (i, a) in expected.iter().enumerate() {
+        assert!(a.1.iter().all(|r| (0.0..=1.0).contains(r)) && a.0.iter().all(|v| v.is_finite()));
+        assert!(expected[i + 1..].iter().all(|b| a != b), "batch {i} comes twice");
+    }
+}
+
+#[test]
+fn every_sample_of_a_block_comes_once() {
+    // Whole windows make a batch, so that no sample is left over.
+    let half = 2 * 9 * 3;
+    let mut stream = stream(StreamOptions { batch: half, ..options() });
+    let materials = MaterialTable::cmykw();
+    let sampler = Sampler::new(&recipe(), "train", &materials, Boundary::default()).unwrap();
+    let mut expected = Vec::new();
+    for volume in 2..4 {
+        let samples = sampler.samples(volume, 9, Labels::Paths(4), &Control::none()).unwrap();
+        for (stencil, radiance) in samples.stencils.chunks_exact(STENCIL_VALUES).zip(samples.radiance) {
+            expected
+                .push((stencil.iter().map(|v| v.to_f32().to_bits()).collect::<Vec<_>>(), radiance.to_bits()));
+        }
+    }
+    // Block 1 lies in windows 0 and 1.
+    let mut found = Vec::new();
+    for window in 0..2 {
+        let (stencils, radiance) = batch(&mut stream, window);
+        for (stencil, radiance) in stencils.chunks_exact(STENCIL_VALUES).zip(radiance) {
+            found.push((stencil.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), radiance.to_bits()));
+        }
+    }
+    found.sort();
+    for sample in expected {
+        let at = found.binary_search(&sample).expect("a sample is missing");
+        found.remove(at);
+    }
+    assert_eq!(found.len(), half);
+}
+
+#[test]
+fn a_sample_is_what_its_volume_says() {
+    let recipe = recipe();
+    let control = Control::none();
+    for split in ["train", "dense"] {
+        let materials = MaterialTable::cmykw();
+        let sampler = Sampler::new(&recipe, split, &materials, Boundary::default()).unwrap();
+        let samples = sampler.samples(1, 10, Labels::Paths(4096), &control).unwrap();
+
+        let (shape, texture) = recipe.draw(recipe.split(split).unwrap(), 1, 5);
+        let grid = fill(&shape, &texture, recipe.pitch, &BlueNoise::new(recipe.pitch)).unwrap();
+        let density = if split == "dense" { 4.0 } else { 1.0 };
+        for (point, voxel) in samples.voxels.iter().enumerate() {
+            for channel in 0..3 {
+                let stencil = &samples.stencils[(point * 3 + channel) * STENCIL_VALUES..][..STENCIL_VALUES];
+                // Levels whose boxes are small enough to sum half voxels one by one.
+                for level in 0..4usize {
+                    for cell in [0, 31, 67, 68, 90, 134] {
+                        let naive = box_mean(&grid, &materials, *voxel, level, cell, channel);
+                        for (feature, value) in naive.into_iter().enumerate() {
+                            let got = stencil[(level * 135 + cell) * 2 + feature].to_f64();
+                            // Half a unit of f16's last place.
+                            let tolerance = value.abs() * density * f64::from(f16::EPSILON) + 1e-6;
+                            assert!((got - value * density).abs() <= tolerance, "{got} {value}");
+                        }
+                    }
+                }
+            }
+        }
+
+        // The labels once more, with other random numbers.
+        let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+        let volume = Volume::new(&grid, &surface, &control).unwrap();
+        let tracer = Tracer::new(
+            &volume,
+            sampler.materials(),
+            TraceOptions { spp: 4096, seed: 99, ..TraceOptions::default() },
+        )
+        .unwrap();
+        let points: Vec<u32> = samples.voxels.iter().map(|&v| surface.index_of(v).unwrap()).collect();
+        let (mut radiance, mut error) = (vec![0.0; 30], vec![0.0; 30]);
+        tracer.radiance_with_error(&points, 0, &mut radiance, &mut error, &control).unwrap();
+        for i in 0..30 {
+            let difference = f64::from(radiance[i] - samples.radiance[i]);
+            let error = f64::from(error[i]).hypot(f64::from(samples.std_error[i]));
+            assert!(difference.abs() <= 5.0 * error + 1e-6, "{i}: {difference} {error}");
+        }
+    }
+}
+
+/// Mean sigma_s and sigma_a over one cell, summed voxel by voxel with weights.
+fn box_mean(
+    grid: &pellucid_voxel::LabelGrid,
+    materials: &MaterialTable,
+    point: [u32; 3],
+    level: usize,
+    cell: usize,
+    channel: usize,
+) -> [f64; 2] {
+    let edge = f64::from(1u32 << level);
+    let at = [cell % 5, cell / 5 % 3, cell / 15];
+    let cells = [5.0, 3.0, 9.0];
+    let low: [f64; 3] =
+        std::array::from_fn(|a| f64::from(point[a]) + 0.5 + (at[a] as f64 - 0.5 * cells[a]) * edge);
+    let overlap =
+        |a: usize, v: i64| ((v as f64 + 1.0).min(low[a] + edge) - (v as f64).max(low[a])).clamp(0.0, 1.0);
+    let range = |a: usize| low[a].floor() as i64..(low[a] + edge).ceil() as i64;
+    let mut sums = [0.0; 2];
+    for z in range(2) {
+        for y in range(1) {
+            for x in range(0) {
+                let weight = overlap(0, x) * overlap(1, y) * overlap(2, z) / edge.powi(3);
+                if let Some(m) = materials.get(grid.at([x, y, z])) {
+                    sums[0] += weight * f64::from(m.sigma_s[channel]);
+                    sums[1] += weight * f64::from(m.sigma_a[channel]);
+                }
+            }
+        }
+    }
+    sums
+}
+
+#[test]
+fn refuses_bad_arguments_and_stops_when_asked() {
+    let materials = MaterialTable::cmykw();
+    let refused =
+        |options: StreamOptions| Stream::new(&recipe(), "train", &materials, options).err().unwrap();
+    for (options, field) in [
+        (StreamOptions { batch: 0, ..options() }, "batch"),
+        (StreamOptions { batch: 1000, ..options() }, "window"),
+        (StreamOptions { window: 3, ..options() }, "window"),
+        (StreamOptions { points: u32::MAX, window: u32::MAX - 1, ..options() }, "window"),
+        (StreamOptions { threads: 0, ..options() }, "threads"),
+    ] {
+        assert!(refused(options).to_string().contains(field));
+    }
+    assert!(Stream::new(&recipe(), "nowhere", &materials, options()).is_err());
+    let mut stream = stream(options());
+    let mut buffers = (vec![0.0; 16 * STENCIL_VALUES], vec![0.0; 16]);
+    assert!(stream.batch(0, &mut buffers.0, &mut [0.0; 15], &Control::none()).is_err());
+    assert!(stream.batch(u64::MAX, &mut buffers.0, &mut buffers.1, &Control::none()).is_err());
+    let stop = AtomicBool::new(true);
+    let control = Control::none().with_cancel(&stop);
+    let result = stream.batch(7, &mut buffers.0, &mut buffers.1, &control);
+    assert!(matches!(result, Err(DatasetError::Cancelled)));
+    // It goes on afterwards.
+    stream.batch(7, &mut buffers.0, &mut buffers.1, &Control::none()).unwrap();
+}
