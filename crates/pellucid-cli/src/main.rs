@@ -4,6 +4,7 @@
 mod prepare;
 mod progress;
 mod study_tracer;
+mod train;
 mod validate;
 
 use std::process::ExitCode;
@@ -26,6 +27,8 @@ struct Cli {
 enum Command {
     /// Turn a textured glTF model into printable slices, a soft proof and an error report
     Prepare(prepare::Args),
+    /// Train the appearance network
+    Train(train::Args),
     /// Compare the path tracer with a file of reference radiances
     Validate(validate::Args),
     /// Measure, and write tables and plots
@@ -65,6 +68,7 @@ fn main() -> ExitCode {
     }
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
+        Command::Train(args) => train::run(&args, &CANCEL),
         Command::Validate(args) => validate::run(&args, &CANCEL),
         Command::Study(Study::Tracer(args)) => study_tracer::run(&args, &CANCEL),
     };

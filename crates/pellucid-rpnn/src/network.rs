@@ -13,8 +13,10 @@
 //! layers; with ≡O each octant's 60 values pass the same layers and the results are summed. ReLU everywhere,
 //! the output too.
 
-use crate::kernel::{Matrix, product};
-use crate::variant::{Block, INPUTS, LEVEL_INPUTS, LEVELS, Layer, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::kernel::{Add, Finish, Form, Matrix, Packed, Products};
+use crate::variant::{
+    Block, INPUTS, LEVEL_INPUTS, LEVELS, Layer, Layout, OCTANT_INPUTS, OCTANTS, octant_gather,
+};
 use crate::{RpnnError, Variant, Weights};
 
 /// Number format of the products; sums, weights and everything between the products are f32.
@@ -31,11 +33,10 @@ pub enum Precision {
 /// The network with its weights and the memory of one batch: activations for the backward pass and scratch.
 #[derive(Clone, Debug)]
 pub struct Network {
-    weights: Weights,
     variant: Variant,
-    precision: Precision,
     batch: usize,
     gather: [[u16; OCTANT_INPUTS]; OCTANTS],
+    layers: Layers,
     levels: Vec<Level>,
     end1: Vec<f32>,
     end2: Vec<f32>,
@@ -43,6 +44,19 @@ pub struct Network {
     d_state: Vec<f32>,
     d_mid: Vec<f32>,
     d_next: Vec<f32>,
+}
+
+/// Weights packed for both passes.
+#[derive(Clone, Debug)]
+struct Layers {
+    weights: Weights,
+    precision: Precision,
+    products: Products,
+    /// Each layer's matrix transposed: inputs to outputs.
+    forward: Vec<Packed>,
+    /// Each layer's matrix: derivatives by outputs to derivatives by inputs. Empty until it is needed.
+    backward: Vec<Packed>,
+    backward_is_fresh: bool,
 }
 
 /// Activations of one level, each `[batch][width]` after its ReLU.
@@ -82,9 +96,8 @@ impl Network {
             })
             .collect();
         Ok(Self {
-            weights: Weights::zeros(variant),
+            layers: Layers::new(Weights::zeros(variant), precision),
             variant,
-            precision,
             batch,
             gather: std::array::from_fn(octant_gather),
             levels,
@@ -104,7 +117,7 @@ impl Network {
 
     /// The format of the products.
     pub fn precision(&self) -> Precision {
-        self.precision
+        self.layers.precision
     }
 
     /// Takes over weights.
@@ -118,7 +131,7 @@ impl Network {
                 format!("belong to {}, the network is {}", weights.variant().name(), self.variant.name()),
             ));
         }
-        self.weights.values_mut().copy_from_slice(weights.values());
+        self.layers.load(weights);
         Ok(())
     }
 
@@ -140,29 +153,29 @@ impl Network {
         for k in 0..LEVELS {
             self.load_level(inputs, k, n);
         }
-        let weights = &self.weights;
-        let layout = weights.layout();
+        let layers = &mut self.layers;
+        let Layout { blocks, end, .. } = *layers.weights.layout();
         for k in 0..LEVELS {
             let (finer, rest) = self.levels.split_at_mut(k);
             let previous = finer.last().map(|l| &l.state[..n * width]);
-            forward_block(weights, layout.blocks[k], &mut rest[0], previous, n, self.variant);
+            forward_block(layers, blocks[k], &mut rest[0], previous, n, self.variant);
         }
         let (rows, end_width) = end_shape(self.variant, n);
-        let [e1, e2, e3] = layout.end.map(|i| &layout.layers[i]);
+        let [e1, e2, e3] = end;
         let used = rows * end_width;
-        dense(weights, e1, &self.levels[LEVELS - 1].state[..used], &mut self.end1[..used], rows);
-        dense(weights, e2, &self.end1[..used], &mut self.end2[..used], rows);
+        layers.dense(e1, &self.levels[LEVELS - 1].state[..used], &mut self.end1[..used], rows);
+        layers.dense(e2, &self.end1[..used], &mut self.end2[..used], rows);
         let terms = &mut self.terms[..rows];
-        product(
+        layers.product(
+            e3,
+            &self.end2[..used],
             terms,
-            false,
-            Matrix::rows(&self.end2[..used], rows, end_width, end_width),
-            matrix(weights, e3).t(),
+            rows,
+            End { add: Add::Nothing, bias: Some(e3), relu: false },
         );
-        let bias = weights.values()[e3.bias.start];
         let summed = rows / n.max(1);
         for (out, terms) in out.iter_mut().zip(terms.chunks_exact(summed.max(1))) {
-            *out = terms.iter().map(|t| t + bias).sum::<f32>().max(0.0);
+            *out = terms.iter().sum::<f32>().max(0.0);
         }
         Ok(())
     }
@@ -178,46 +191,37 @@ impl Network {
     pub fn backward(&mut self, out: &[f32], d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
         let n = out.len();
         self.check(n)?;
-        if d_out.len() != n || gradient.len() != self.weights.values().len() {
+        if d_out.len() != n || gradient.len() != self.layers.weights.values().len() {
             return Err(RpnnError::invalid("gradient", "buffers do not match the outputs and the weights"));
         }
         let width = self.variant.width();
-        let weights = &self.weights;
-        let layout = weights.layout();
+        let layers = &mut self.layers;
+        layers.freshen_backward();
+        let Layout { blocks, end, .. } = *layers.weights.layout();
         let (rows, end_width) = end_shape(self.variant, n);
         let used = rows * end_width;
-        let [e1, e2, e3] = layout.end.map(|i| &layout.layers[i]);
+        let [e1, e2, e3] = end;
         let summed = rows / n.max(1);
         for (i, term) in self.terms[..rows].iter_mut().enumerate() {
             let sample = i / summed;
             *term = if out[sample] > 0.0 { d_out[sample] } else { d_out[sample].min(0.0) };
         }
         let terms = &self.terms[..rows];
-        weight_gradient(gradient, e3, terms, &self.end2[..used], rows);
-        product(&mut self.d_mid[..used], false, Matrix::rows(terms, rows, 1, 1), matrix(weights, e3));
-        mask(&mut self.d_mid[..used], &self.end2[..used]);
-        weight_gradient(gradient, e2, &self.d_mid[..used], &self.end1[..used], rows);
-        let d1 = &mut self.d_next[..used];
-        product(
-            d1,
-            false,
-            Matrix::rows(&self.d_mid[..used], rows, end_width, end_width),
-            matrix(weights, e2),
-        );
-        mask(d1, &self.end1[..used]);
-        weight_gradient(gradient, e1, d1, &self.levels[LEVELS - 1].state[..used], rows);
-        product(
-            &mut self.d_state[..used],
-            false,
-            Matrix::rows(d1, rows, end_width, end_width),
-            matrix(weights, e1),
-        );
+        let (d2, d1) = (&mut self.d_mid[..used], &mut self.d_next[..used]);
+        let (end1, end2) = (&self.end1[..used], &self.end2[..used]);
+        let state = &self.levels[LEVELS - 1].state[..used];
+        layers.gradient(gradient, e3, terms, end2, rows);
+        layers.derivative(e3, terms, d2, rows, Add::Nothing, Some(end2));
+        layers.gradient(gradient, e2, d2, end1, rows);
+        layers.derivative(e2, d2, d1, rows, Add::Nothing, Some(end1));
+        layers.gradient(gradient, e1, d1, state, rows);
+        layers.derivative(e1, d1, &mut self.d_state[..used], rows, Add::Nothing, Some(state));
 
         for k in (0..LEVELS).rev() {
             let (finer, rest) = self.levels.split_at_mut(k);
             let previous = finer.last().map(|l| &l.state[..n * width]);
             let scratch = [&mut self.d_state, &mut self.d_mid, &mut self.d_next].map(|v| &mut v[..n * width]);
-            backward_block(weights, layout.blocks[k], &rest[0], previous, n, self.variant, scratch, gradient);
+            backward_block(layers, blocks[k], &rest[0], previous, n, self.variant, scratch, gradient);
         }
         Ok(())
     }
@@ -251,21 +255,135 @@ fn end_shape(variant: Variant, n: usize) -> (usize, usize) {
     if variant.shares_octants() { (n * OCTANTS, OCTANT_INPUTS) } else { (n, LEVEL_INPUTS) }
 }
 
+impl Layers {
+    fn new(weights: Weights, precision: Precision) -> Self {
+        let count = weights.layout().layers.len();
+        let mut layers = Self {
+            precision,
+            products: Products::new(Form::detect()),
+            forward: vec![Packed::default(); count],
+            backward: vec![Packed::default(); count],
+            backward_is_fresh: false,
+            weights,
+        };
+        layers.pack_forward();
+        layers
+    }
+
+    fn load(&mut self, weights: &Weights) {
+        self.weights.values_mut().copy_from_slice(weights.values());
+        self.backward_is_fresh = false;
+        self.pack_forward();
+    }
+
+    fn pack_forward(&mut self) {
+        for (i, packed) in self.forward.iter_mut().enumerate() {
+            let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
+            self.products.pack(matrix.t(), precision_of(self.precision, &self.weights, i), packed);
+        }
+    }
+
+    fn freshen_backward(&mut self) {
+        if self.backward_is_fresh {
+            return;
+        }
+        for (i, packed) in self.backward.iter_mut().enumerate() {
+            let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
+            self.products.pack(matrix, precision_of(self.precision, &self.weights, i), packed);
+        }
+        self.backward_is_fresh = true;
+    }
+
+    fn layer(&self, layer: usize) -> &Layer {
+        &self.weights.layout().layers[layer]
+    }
+
+    /// `out = input W^T`, finished.
+    fn product(&mut self, layer: usize, input: &[f32], out: &mut [f32], rows: usize, end: End<'_>) {
+        let layers = &self.weights.layout().layers;
+        let bias = end.bias.map(|l| &self.weights.values()[layers[l].bias.clone()]);
+        let finish = Finish { add: end.add, bias, relu: end.relu, mask: None };
+        let left = Matrix::rows(input, rows, layers[layer].inputs);
+        self.products.product(out, left, &self.forward[layer], finish);
+    }
+
+    /// `out = relu(input W^T + b)`.
+    fn dense(&mut self, layer: usize, input: &[f32], out: &mut [f32], rows: usize) {
+        self.product(layer, input, out, rows, End { add: Add::Nothing, bias: Some(layer), relu: true });
+    }
+
+    /// `d_input = d_out W + add`, zero where `mask` is not positive.
+    fn derivative(
+        &mut self,
+        layer: usize,
+        d_out: &[f32],
+        d_input: &mut [f32],
+        rows: usize,
+        add: Add<'_>,
+        mask: Option<&[f32]>,
+    ) {
+        let left = Matrix::rows(d_out, rows, self.layer(layer).outputs);
+        self.products.product(
+            d_input,
+            left,
+            &self.backward[layer],
+            Finish { add, mask, ..Finish::default() },
+        );
+    }
+
+    /// Adds the gradients of a layer's matrix and bias.
+    fn gradient(&mut self, gradient: &mut [f32], layer: usize, d_out: &[f32], input: &[f32], rows: usize) {
+        let precision = precision_of(self.precision, &self.weights, layer);
+        let Layer { inputs, outputs, weight, .. } = &self.weights.layout().layers[layer];
+        self.products.product_once(
+            &mut gradient[weight.clone()],
+            Matrix::rows(d_out, rows, *outputs).t(),
+            Matrix::rows(input, rows, *inputs),
+            precision,
+            Finish { add: Add::Output, ..Finish::default() },
+        );
+        self.bias_gradient(gradient, layer, d_out);
+    }
+
+    fn bias_gradient(&self, gradient: &mut [f32], layer: usize, d_out: &[f32]) {
+        let bias = self.layer(layer).bias.clone();
+        if !bias.is_empty() {
+            self.products.add_rows(d_out, &mut gradient[bias]);
+        }
+    }
+}
+
+/// How [`Layers::product`] ends.
+struct End<'a> {
+    add: Add<'a>,
+    /// The layer whose bias is added.
+    bias: Option<usize>,
+    relu: bool,
+}
+
+/// The last three layers take little time and their rounding errors go straight to the output.
+fn precision_of(precision: Precision, weights: &Weights, layer: usize) -> Precision {
+    if weights.layout().end.contains(&layer) { Precision::F32 } else { precision }
+}
+
+/// A layer's matrix, `[outputs][inputs]`.
+fn matrix<'a>(weights: &'a Weights, layer: &Layer) -> Matrix<'a> {
+    Matrix::rows(&weights.values()[layer.weight.clone()], layer.outputs, layer.inputs)
+}
+
 fn forward_block(
-    weights: &Weights,
+    layers: &mut Layers,
     block: Block,
     level: &mut Level,
     previous: Option<&[f32]>,
     n: usize,
     variant: Variant,
 ) {
-    let width = variant.width();
-    let used = n * width;
-    let layers = &weights.layout().layers;
+    let used = n * variant.width();
     if let Some([first, second]) = block.entry {
         let (rows, _) = end_shape(variant, n);
-        dense(weights, &layers[first], &level.input[..used], &mut level.hidden[..used], rows);
-        dense(weights, &layers[second], &level.hidden[..used], &mut level.entered[..used], rows);
+        layers.dense(first, &level.input[..used], &mut level.hidden[..used], rows);
+        layers.dense(second, &level.hidden[..used], &mut level.entered[..used], rows);
     }
     let value = if block.entry.is_some() { &level.entered[..used] } else { &level.input[..used] };
     let Some([b, c]) = block.bc else {
@@ -273,30 +391,25 @@ fn forward_block(
         return;
     };
     let mixed = &mut level.mixed[..used];
-    match block.a {
-        Some(a) => {
-            product(mixed, false, Matrix::rows(value, n, width, width), matrix(weights, &layers[a]).t())
-        }
-        None => mixed.copy_from_slice(value),
-    }
     // The first level's previous state is zero: its product is left out.
+    let last = previous.is_none();
+    let mut add = Add::Other(value);
+    if let Some(a) = block.a {
+        let end = End { add: Add::Nothing, bias: last.then_some(b), relu: last };
+        layers.product(a, value, mixed, n, end);
+        add = Add::Output;
+    }
     if let Some(previous) = previous {
-        product(mixed, true, Matrix::rows(previous, n, width, width), matrix(weights, &layers[b]).t());
+        layers.product(b, previous, mixed, n, End { add, bias: Some(b), relu: true });
     }
-    bias_relu(mixed, &weights.values()[layers[b].bias.clone()]);
-    let state = &mut level.state[..used];
-    match previous {
-        Some(previous) => state.copy_from_slice(previous),
-        None => state.fill(0.0),
-    }
-    product(state, true, Matrix::rows(mixed, n, width, width), matrix(weights, &layers[c]).t());
-    bias_relu(state, &weights.values()[layers[c].bias.clone()]);
+    let add = previous.map_or(Add::Nothing, Add::Other);
+    layers.product(c, mixed, &mut level.state[..used], n, End { add, bias: Some(c), relu: true });
 }
 
-/// `scratch` holds the derivative by this level's state on entry and by the finer level's on return, and
-/// two free buffers.
+/// `scratch` holds the derivative by this level's state before its ReLU on entry and by the finer level's on
+/// return, and two free buffers.
 fn backward_block(
-    weights: &Weights,
+    layers: &mut Layers,
     block: Block,
     level: &Level,
     previous: Option<&[f32]>,
@@ -305,92 +418,42 @@ fn backward_block(
     scratch: [&mut [f32]; 3],
     gradient: &mut [f32],
 ) {
-    let width = variant.width();
-    let used = n * width;
-    let layers = &weights.layout().layers;
+    let used = n * variant.width();
     let [d_state, d_mid, d_next] = scratch;
-    let value = if block.entry.is_some() { &level.entered[..used] } else { &level.input[..used] };
+    let has_entry = block.entry.is_some();
+    let value = if has_entry { &level.entered[..used] } else { &level.input[..used] };
     // Derivative by the block's value v, in `d_next` for a full block and in `d_state` for o = v.
     let d_value: &mut [f32] = if let Some([b, c]) = block.bc {
-        mask(d_state, &level.state[..used]);
-        weight_gradient(gradient, &layers[c], d_state, &level.mixed[..used], n);
-        product(d_mid, false, Matrix::rows(d_state, n, width, width), matrix(weights, &layers[c]));
-        mask(d_mid, &level.mixed[..used]);
+        let mixed = &level.mixed[..used];
+        layers.gradient(gradient, c, d_state, mixed, n);
+        layers.derivative(c, d_state, d_mid, n, Add::Nothing, Some(mixed));
         if let Some(previous) = previous {
-            weight_gradient(gradient, &layers[b], d_mid, previous, n);
-            product(d_state, true, Matrix::rows(d_mid, n, width, width), matrix(weights, &layers[b]));
+            layers.gradient(gradient, b, d_mid, previous, n);
+            layers.derivative(b, d_mid, d_state, n, Add::Output, Some(previous));
         } else {
-            bias_gradient(gradient, &layers[b], d_mid);
+            layers.bias_gradient(gradient, b, d_mid);
         }
-        match block.a {
-            Some(a) => {
-                weight_gradient(gradient, &layers[a], d_mid, value, n);
-                if block.entry.is_none() {
-                    return;
-                }
-                product(d_next, false, Matrix::rows(d_mid, n, width, width), matrix(weights, &layers[a]));
+        if let Some(a) = block.a {
+            layers.gradient(gradient, a, d_mid, value, n);
+            if has_entry {
+                layers.derivative(a, d_mid, d_next, n, Add::Nothing, Some(value));
             }
-            None => d_next.copy_from_slice(d_mid),
+        } else {
+            d_next
+                .iter_mut()
+                .zip(&*d_mid)
+                .zip(value)
+                .for_each(|((d, &m), &v)| *d = if v > 0.0 { m } else { 0.0 });
         }
         d_next
     } else {
         d_state
     };
     if let Some([first, second]) = block.entry {
-        let (rows, row_width) = end_shape(variant, n);
-        mask(d_value, value);
-        weight_gradient(gradient, &layers[second], d_value, &level.hidden[..used], rows);
-        product(
-            d_mid,
-            false,
-            Matrix::rows(d_value, rows, row_width, row_width),
-            matrix(weights, &layers[second]),
-        );
-        mask(d_mid, &level.hidden[..used]);
-        weight_gradient(gradient, &layers[first], d_mid, &level.input[..used], rows);
-    }
-}
-
-/// A layer's matrix, `[outputs][inputs]`.
-fn matrix<'a>(weights: &'a Weights, layer: &Layer) -> Matrix<'a> {
-    Matrix::rows(&weights.values()[layer.weight.clone()], layer.outputs, layer.inputs, layer.inputs)
-}
-
-/// `out = relu(input W^T + b)` over `rows` rows.
-fn dense(weights: &Weights, layer: &Layer, input: &[f32], out: &mut [f32], rows: usize) {
-    product(out, false, Matrix::rows(input, rows, layer.inputs, layer.inputs), matrix(weights, layer).t());
-    bias_relu(out, &weights.values()[layer.bias.clone()]);
-}
-
-fn bias_relu(values: &mut [f32], bias: &[f32]) {
-    for row in values.chunks_exact_mut(bias.len()) {
-        row.iter_mut().zip(bias).for_each(|(v, b)| *v = (*v + b).max(0.0));
-    }
-}
-
-/// Zeroes derivatives where the activation was cut off.
-fn mask(derivative: &mut [f32], activation: &[f32]) {
-    derivative.iter_mut().zip(activation).for_each(|(d, &a)| {
-        if a <= 0.0 {
-            *d = 0.0;
-        }
-    });
-}
-
-/// Adds the gradients of a layer's matrix and bias.
-fn weight_gradient(gradient: &mut [f32], layer: &Layer, d_out: &[f32], input: &[f32], rows: usize) {
-    let d_out_t = Matrix::rows(d_out, rows, layer.outputs, layer.outputs).t();
-    let input = Matrix::rows(input, rows, layer.inputs, layer.inputs);
-    product(&mut gradient[layer.weight.clone()], true, d_out_t, input);
-    bias_gradient(gradient, layer, d_out);
-}
-
-fn bias_gradient(gradient: &mut [f32], layer: &Layer, d_out: &[f32]) {
-    if layer.bias.is_empty() {
-        return;
-    }
-    let gradient = &mut gradient[layer.bias.clone()];
-    for row in d_out.chunks_exact(layer.outputs) {
-        gradient.iter_mut().zip(row).for_each(|(g, d)| *g += d);
+        let (rows, _) = end_shape(variant, n);
+        let hidden = &level.hidden[..used];
+        layers.gradient(gradient, second, d_value, hidden, rows);
+        layers.derivative(second, d_value, d_mid, rows, Add::Nothing, Some(hidden));
+        layers.gradient(gradient, first, d_mid, &level.input[..used], rows);
     }
 }

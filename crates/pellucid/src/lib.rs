@@ -19,10 +19,14 @@ pub use pellucid_voxel as voxel;
 
 #[cfg(feature = "color")]
 pub use pellucid_color as color;
+#[cfg(feature = "dataset")]
+pub use pellucid_dataset as dataset;
 #[cfg(feature = "mesh")]
 pub use pellucid_mesh as mesh;
 #[cfg(feature = "refine")]
 pub use pellucid_refine as refine;
+#[cfg(feature = "rpnn")]
+pub use pellucid_rpnn as rpnn;
 #[cfg(feature = "slice")]
 pub use pellucid_slice as slice;
 #[cfg(feature = "stencil")]

@@ -189,6 +189,9 @@ impl Trainer {
             *d = scale * difference;
         }
         let loss = squares / self.settings.batch as f64;
+        if !loss.is_finite() {
+            return Err(RpnnError::invalid(format!("batch {index}"), "a radiance is not finite"));
+        }
         b.gradient.fill(0.0);
         self.network.backward(&b.out, &b.d_out, &mut b.gradient)?;
         let rate = self.settings.rate(index);

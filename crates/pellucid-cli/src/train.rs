@@ -1,0 +1,326 @@
+//! `pellucid train`: weights from a recipe.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::ValueEnum;
+use pellucid::dataset::samples::{Labels, Sampler};
+use pellucid::dataset::{Recipe, Stream, StreamOptions};
+use pellucid::rpnn::file::{Provenance, save};
+use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
+use pellucid::rpnn::{Precision, RpnnError};
+use pellucid::trace::Boundary;
+use pellucid::voxel::{Control, MaterialTable};
+use rayon::prelude::*;
+
+use crate::Failure;
+
+/// Steps between rows of the loss curve.
+const RECORD: u64 = 100;
+/// Steps between validations at the start of a run; later every checkpoint validates.
+const FIRST_VALIDATIONS: [u64; 4] = [250, 500, 1000, 2000];
+/// Largest recipe that is read.
+const MAX_RECIPE: u64 = 16 << 20;
+
+/// Trains the appearance network on procedural volumes
+#[derive(clap::Args)]
+pub struct Args {
+    /// Data set recipe in JSON
+    #[arg(long, value_name = "FILE")]
+    recipe: PathBuf,
+    /// Folder for weights.safetensors, the checkpoint run.safetensors, curve.csv and curve.svg
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Architecture
+    #[arg(long, value_enum, default_value_t = Variant::Lo)]
+    variant: Variant,
+    /// Number of steps, over which the learning rate falls to zero
+    #[arg(long, value_name = "N", conflicts_with = "minutes")]
+    steps: Option<u64>,
+    /// Time to train; the number of steps is fitted to it from the speed measured on the way
+    #[arg(long, value_name = "N")]
+    minutes: Option<f64>,
+    /// Go on from the checkpoint in --out; bit for bit the run it was when its length is not changed
+    #[arg(long)]
+    resume: bool,
+    /// Split of the recipe to train on
+    #[arg(long, default_value = "train")]
+    split: String,
+    /// Split of the recipe to validate on; "none" leaves validation out
+    #[arg(long, default_value = "validation", value_name = "SPLIT")]
+    validation: String,
+    /// Number format of matrix products
+    #[arg(long, value_enum, default_value_t = Format::F32)]
+    precision: Format,
+    /// Highest learning rate
+    #[arg(long, default_value_t = 1.5e-3)]
+    rate: f64,
+    /// Paths per label; the recipe's number without it
+    #[arg(long, value_name = "N")]
+    spp: Option<u32>,
+    /// Points per volume; the recipe's number without it
+    #[arg(long, value_name = "N")]
+    points: Option<u32>,
+    /// Volumes whose samples are shuffled together
+    #[arg(long, default_value_t = 64)]
+    window: u32,
+    /// Threads that make samples beside the one that trains
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Minutes between checkpoints
+    #[arg(long, default_value_t = 5.0)]
+    checkpoint: f64,
+    /// Seed of initial weights, order and mirrors
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Variant {
+    /// Layers of their own for every level
+    Baseline,
+    /// One block shared by all levels
+    L,
+    /// Layers shared by mirrored octants
+    O,
+    /// Both: the default
+    Lo,
+}
+
+impl Variant {
+    fn network(self) -> pellucid::rpnn::Variant {
+        use pellucid::rpnn::Variant as V;
+        match self {
+            Self::Baseline => V::Baseline,
+            Self::L => V::SharedLevels,
+            Self::O => V::SharedOctants,
+            Self::Lo => V::SharedLevelsAndOctants,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    /// 32-bit floating point
+    F32,
+    /// Factors rounded to bfloat16, sums in 32 bits
+    Bf16,
+}
+
+/// A split's labelled points in memory.
+struct Set {
+    stencils: Vec<f32>,
+    radiance: Vec<f32>,
+    std_error: Vec<f32>,
+}
+
+struct Source<'a>(Stream, Control<'a>);
+
+impl SampleSource for Source<'_> {
+    fn batch(
+        &mut self,
+        index: u64,
+        stencils: &mut [f32],
+        radiance: &mut [f32],
+    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        Ok(self.0.batch(index, stencils, radiance, &self.1)?)
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
+    train(args, cancel).map_err(|e| {
+        if cancel.load(Ordering::Relaxed) { Failure::Cancelled } else { Failure::Error(e.to_string()) }
+    })
+}
+
+type Error = Box<dyn std::error::Error + Send + Sync>;
+
+fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
+    let control = Control::none().with_cancel(cancel);
+    let recipe = read_recipe(&args.recipe)?;
+    let boundary = Boundary::with_index(recipe.refractive_index)?;
+    let materials = MaterialTable::cmykw();
+    std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
+    let state = args.out.join("run.safetensors");
+    let mut trainer = if args.resume {
+        Trainer::resume(&state)?
+    } else if state.exists() {
+        return Err(format!("{} exists; --resume goes on from it", state.display()).into());
+    } else {
+        Trainer::new(TrainSettings {
+            variant: args.variant.network(),
+            steps: args.steps.unwrap_or(1 << 20),
+            peak_rate: args.rate,
+            precision: match args.precision {
+                Format::F32 => Precision::F32,
+                Format::Bf16 => Precision::Bf16,
+            },
+            seed: args.seed,
+            ..TrainSettings::default()
+        })?
+    };
+    if let (true, Some(steps)) = (args.resume, args.steps) {
+        trainer.set_steps(steps)?;
+    }
+    let split = recipe.split(&args.split)?;
+    let options = StreamOptions {
+        batch: trainer.settings().batch,
+        window: args.window,
+        points: args.points.unwrap_or(split.points),
+        spp: args.spp.unwrap_or(split.spp),
+        boundary,
+        seed: trainer.settings().seed,
+        threads: args.threads,
+    };
+    let validation = (args.validation != "none")
+        .then(|| labelled(&recipe, &args.validation, &materials, boundary, &control))
+        .transpose()?;
+    let trained = Sampler::new(&recipe, &args.split, &materials, boundary)?;
+    let provenance = |trainer: &Trainer| provenance(trainer, &recipe, trained.materials(), &options);
+    let stream = Stream::new(&recipe, &args.split, &materials, options.clone())?;
+    let mut source = Source(stream, control);
+
+    let (start, first_step) = (Instant::now(), trainer.steps_done());
+    let every = Duration::from_secs_f64(60.0 * args.checkpoint.clamp(0.05, 600.0));
+    let mut saved = start;
+    trainer.run(&mut source, |trainer, report| {
+        let due = saved.elapsed() >= every || trainer.finished() || cancel.load(Ordering::Relaxed);
+        let validate = due || FIRST_VALIDATIONS.contains(&report.step);
+        if validate || report.step.is_multiple_of(RECORD) {
+            let score = match &validation {
+                Some(set) if validate => {
+                    Some(trainer.validate(&set.stencils, &set.radiance, &set.std_error)?)
+                }
+                _ => None,
+            };
+            trainer.record(report, score);
+            if let Some(score) = score {
+                progress(
+                    trainer,
+                    &score,
+                    (trainer.steps_done() - first_step) as f64 / start.elapsed().as_secs_f64(),
+                );
+            }
+        }
+        if due {
+            saved = Instant::now();
+            if let Some(minutes) = args.minutes
+                && !trainer.finished()
+            {
+                fit_length(trainer, minutes, start, first_step)?;
+            }
+            trainer.save(&state)?;
+            trainer.curve().write(&args.out)?;
+            save(&args.out.join("weights.safetensors"), &trainer.averaged()?, &provenance(trainer))?;
+        }
+        Ok(if cancel.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    })?;
+    if cancel.load(Ordering::Relaxed) {
+        eprintln!("stopped after step {}; --resume goes on from there", trainer.steps_done());
+    } else {
+        println!("wrote {}", args.out.join("weights.safetensors").display());
+    }
+    Ok(())
+}
+
+/// Sets the number of steps so that the run, at its mean speed so far, ends `minutes` after its start. In its
+/// last third the length stays as it is, so that the learning rate comes to rest.
+fn fit_length(trainer: &mut Trainer, minutes: f64, start: Instant, first: u64) -> Result<(), RpnnError> {
+    let (passed, all) = (start.elapsed().as_secs_f64(), 60.0 * minutes);
+    let done = trainer.steps_done();
+    if passed > 0.67 * all && trainer.settings().steps < 1 << 20 {
+        return Ok(());
+    }
+    let left = (all - passed).max(0.0) * (done - first) as f64 / passed;
+    trainer.set_steps(done + (left as u64).max(1).max((trainer.settings().warm_up + 1).saturating_sub(done)))
+}
+
+fn progress(trainer: &Trainer, score: &Score, steps_a_second: f64) {
+    let batch = trainer.settings().batch as u64;
+    println!(
+        "step {} of {}: {:.2} M samples, {:.0}/s; validation rmse {:.4}, bias {:+.4}, p95 {:.4}; {:.1} min in all",
+        trainer.steps_done(),
+        trainer.settings().steps,
+        (trainer.steps_done() * batch) as f64 * 1e-6,
+        steps_a_second * batch as f64,
+        score.rmse,
+        score.bias,
+        score.p95,
+        trainer.seconds() / 60.0
+    );
+}
+
+/// Reads and checks a recipe.
+pub fn read_recipe(path: &Path) -> Result<Recipe, Error> {
+    let named = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+    let length = std::fs::metadata(path).map_err(|e| named(&e))?.len();
+    if length > MAX_RECIPE {
+        return Err(named(&format!("{length} bytes; a recipe takes at most {MAX_RECIPE}")).into());
+    }
+    let recipe: Recipe =
+        serde_json::from_slice(&std::fs::read(path).map_err(|e| named(&e))?).map_err(|e| named(&e))?;
+    recipe.check().map_err(|e| named(&e))?;
+    Ok(recipe)
+}
+
+/// Labels a split with its own numbers of volumes, points and paths.
+fn labelled(
+    recipe: &Recipe,
+    split: &str,
+    materials: &MaterialTable,
+    boundary: Boundary,
+    control: &Control<'_>,
+) -> Result<Set, Error> {
+    let sampler = Sampler::new(recipe, split, materials, boundary)?;
+    let (volumes, points, spp) = (sampler.split().volumes, sampler.split().points, sampler.split().spp);
+    let made = (0..volumes)
+        .into_par_iter()
+        .map(|volume| sampler.samples(volume, points, Labels::Paths(spp), control))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(Set {
+        stencils: made.iter().flat_map(|s| s.stencils.iter().map(|v| v.to_f32())).collect(),
+        radiance: made.iter().flat_map(|s| s.radiance.iter().copied()).collect(),
+        std_error: made.iter().flat_map(|s| s.std_error.iter().copied()).collect(),
+    })
+}
+
+/// What the weights were trained for, and how.
+fn provenance(
+    trainer: &Trainer,
+    recipe: &Recipe,
+    materials: &MaterialTable,
+    options: &StreamOptions,
+) -> Provenance {
+    let range = |values: &dyn Fn(&pellucid::voxel::Material) -> Vec<f32>| {
+        let all: Vec<f64> = materials.materials().iter().flat_map(values).map(f64::from).collect();
+        [all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max)]
+    };
+    let s = trainer.settings();
+    let validation = trainer.curve().points.iter().rev().find_map(|p| p.validation);
+    let validation = validation.map_or(String::new(), |v| {
+        format!("; validation rmse {:.4}, bias {:+.4} over {} samples", v.rmse, v.bias, v.samples)
+    });
+    Provenance {
+        transform: s.transform,
+        pitch_mm: recipe.pitch.mm(),
+        refractive_index: recipe.refractive_index,
+        sigma_s_range: range(&|m| m.sigma_s.clone()),
+        sigma_a_range: range(&|m| m.sigma_a.clone()),
+        history: format!(
+            "pellucid {} {}; recipe {:?}; {} of {} steps of {} samples at {} paths, {} points a volume; \
+             {:.0} minutes{validation}",
+            env!("CARGO_PKG_VERSION"),
+            std::env::args().skip(1).collect::<Vec<_>>().join(" "),
+            recipe.name,
+            trainer.steps_done(),
+            s.steps,
+            s.batch,
+            options.spp,
+            options.points,
+            trainer.seconds() / 60.0
+        ),
+    }
+}
