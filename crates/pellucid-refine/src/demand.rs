@@ -6,16 +6,12 @@
 use rayon::prelude::*;
 
 use crate::InkModel;
+use crate::layers::Layers;
 
 /// Ink coverage up to which the uppermost layers stay white, and from which they take all ink.
 const VEIL_COVER: [f32; 2] = [0.2, 0.6];
 /// Most materials a mixture has.
 pub(crate) const MAX_LABELS: usize = 16;
-
-/// Depths in mm at which layers end, thinner near the surface.
-pub(crate) fn layer_ends(depth_mm: f64, layers: u32) -> Vec<f64> {
-    (1..=layers).map(|k| depth_mm * (f64::from(k) / f64::from(layers)).powf(1.5)).collect()
-}
 
 /// Residuals act on cube roots of linear RGB: about equal steps for the eye.
 pub(crate) fn encode(rgb: [f32; 3]) -> [f32; 3] {
@@ -24,6 +20,17 @@ pub(crate) fn encode(rgb: [f32; 3]) -> [f32; 3] {
 
 fn decode(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|v| v.max(0.0).powi(3))
+}
+
+/// How demand spreads into depth.
+pub(crate) struct Plan<'a> {
+    pub(crate) layers: &'a Layers,
+    /// Layers of each surface voxel that have voxels.
+    pub(crate) available: &'a [u8],
+    /// Uppermost layers whose base is the target's mixture; that of deeper ones is white.
+    pub(crate) based: usize,
+    /// Uppermost layers that keep sparse ink out.
+    pub(crate) veiled: usize,
 }
 
 /// Accumulated residuals.
@@ -39,13 +46,19 @@ impl Demand {
         Self { target: target.iter().map(|&t| encode(t)).collect(), residual: vec![[0.0; 3]; target.len()] }
     }
 
-    /// What `predicted` (linear, media-relative) lacks of the target, in encoded units.
-    pub(crate) fn lack(&self, predicted: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    /// What `lack` (linear, the target less the prediction, smoothed) leaves of the targets.
+    pub(crate) fn reached(aim: &[[f32; 3]], lack: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let reached = |(t, l): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| (t[c] - l[c]).max(0.0));
+        aim.par_iter().zip(lack).map(reached).collect()
+    }
+
+    /// What `reached` (linear, media-relative) lacks of the target, in encoded units.
+    pub(crate) fn lack(&self, reached: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let lack = |(t, p): (&[f32; 3], &[f32; 3])| {
             let p = encode(*p);
             std::array::from_fn(|c| t[c] - p[c])
         };
-        self.target.par_iter().zip(predicted).map(lack).collect()
+        self.target.par_iter().zip(reached).map(lack).collect()
     }
 
     /// Adds `gain` times what is lacking to the residual.
@@ -63,34 +76,26 @@ impl Demand {
         });
     }
 
-    /// What the residual leaves of a target once `lack` is taken off: the prediction, smoothed as the lack
-    /// was, as linear RGB.
-    pub(crate) fn reached(&self, lack: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let reached = |(t, l): (&[f32; 3], &[f32; 3])| decode(std::array::from_fn(|c| t[c] - l[c]));
-        self.target.par_iter().zip(lack).map(reached).collect()
-    }
-
     /// Cumulative fractions of every layer of a surface voxel, `[layer][label]` in halftone order without
-    /// the last label, as shares of 65535. The first `veiled` layers keep sparse ink out. Returns
-    /// what is left of the residual below the last layer.
+    /// the last label, as shares of 65535. Returns what the layers could not take of the residual.
     pub(crate) fn thresholds(
         &self,
         point: usize,
-        based: usize,
-        veiled: usize,
+        plan: &Plan<'_>,
         ink: &dyn InkModel,
         out: &mut [u16],
     ) -> [f32; 3] {
         let labels = ink.labels().len();
         let target = self.target[point];
+        let available = usize::from(plan.available[point]);
         let mut over = self.residual[point];
         let mut fractions = [0.0; MAX_LABELS];
         let fractions = &mut fractions[..labels];
-        for (layer, row) in out.chunks_exact_mut(labels - 1).enumerate() {
-            let base = if layer < based { target } else { [1.0; 3] };
+        for (layer, row) in out.chunks_exact_mut(labels - 1).enumerate().take(available) {
+            let base = if layer < plan.based { target } else { [1.0; 3] };
             let wanted: [f32; 3] = std::array::from_fn(|c| base[c] + over[c]);
             let mut got = ink.fractions(decode(wanted), fractions);
-            if layer < veiled {
+            if layer < plan.veiled {
                 got = veil(ink, fractions).unwrap_or(got);
             }
             let got = encode(got);

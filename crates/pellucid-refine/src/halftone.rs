@@ -3,7 +3,7 @@
 use pellucid_voxel::{AIR, Control, LabelGrid, NearestSurface, Surface, TILE, TILE_VOXELS, Tile, VoxelError};
 use rayon::prelude::*;
 
-use crate::demand::Demand;
+use crate::demand::{Demand, Plan};
 use crate::{BlueNoiseMask, InkModel};
 
 /// Where the halftone reads and writes.
@@ -12,8 +12,6 @@ pub(crate) struct Halftone<'a> {
     pub(crate) nearest: &'a NearestSurface,
     pub(crate) ink: &'a dyn InkModel,
     pub(crate) mask: &'a BlueNoiseMask,
-    /// Depths in mm at which layers end, ascending.
-    pub(crate) layer_ends: &'a [f64],
 }
 
 /// What a halftone changed.
@@ -31,19 +29,19 @@ impl Halftone<'_> {
         &self,
         grid: &mut LabelGrid,
         demand: &Demand,
-        [based, veiled]: [usize; 2],
+        plan: &Plan<'_>,
         control: &Control<'_>,
     ) -> Result<Changes, VoxelError> {
         let labels = self.ink.labels();
         let row = labels.len() - 1;
-        let stride = self.layer_ends.len() * row;
+        let stride = plan.layers.len() * row;
         let mut thresholds = vec![0u16; self.surface.len() * stride];
         let mut unspent = vec![[0.0; 3]; self.surface.len()];
         let chunks = thresholds.par_chunks_mut(stride * 256).zip(unspent.par_chunks_mut(256)).enumerate();
         chunks.try_for_each(|(chunk, (rows, unspent))| {
             control.check()?;
             for (i, (out, unspent)) in rows.chunks_exact_mut(stride).zip(unspent).enumerate() {
-                *unspent = demand.thresholds(chunk * 256 + i, based, veiled, self.ink, out);
+                *unspent = demand.thresholds(chunk * 256 + i, plan, self.ink, out);
             }
             Ok::<(), VoxelError>(())
         })?;
@@ -51,7 +49,7 @@ impl Halftone<'_> {
         let size = grid.size();
         let dims = grid.tile_dims();
         let pitch = grid.frame().pitch().mm();
-        let squared: Vec<f64> = self.layer_ends.iter().map(|d| d * d).collect();
+        let squared = plan.layers.squared_ends();
         let tiles = grid.update_tiles(|t, tile| {
             if control.cancelled() {
                 return None;

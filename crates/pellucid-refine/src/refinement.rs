@@ -5,8 +5,9 @@ use std::time::Instant;
 use pellucid_voxel::{AIR, Control, LabelGrid, MaterialTable, NearestSurface, Surface};
 use rayon::prelude::*;
 
-use crate::demand::{Demand, MAX_LABELS, layer_ends};
+use crate::demand::{Demand, MAX_LABELS, Plan};
 use crate::halftone::{Changes, Halftone};
+use crate::layers::Layers;
 use crate::smoothing::Smoother;
 use crate::{
     AppearancePredictor, BlueNoiseMask, ErrorStats, InkModel, IterationReport, RefineError, RefineReport,
@@ -70,11 +71,16 @@ pub fn refine(
     let out_of_gamut =
         raw_lab.par_iter().zip(&aim_lab).filter(|(r, m)| ink.delta_e(**r, **m) > OUT_OF_GAMUT).count();
 
-    let ends = layer_ends(settings.coloured_depth_mm, settings.layers);
-    let veiled = ends.iter().take_while(|&&end| end <= settings.veil_mm).count();
-    let based = ends.iter().take_while(|&&end| end <= settings.base_mm).count().max(1);
+    let layers = Layers::new(settings.coloured_depth_mm, settings.layers);
+    let available = layers.available(surface, nearest, grid.tile_dims());
+    let plan = |iteration: u32| Plan {
+        layers: &layers,
+        available: &available,
+        based: if iteration == 0 { layers.len() } else { layers.above(settings.base_mm).max(1) },
+        veiled: if iteration == 0 { 0 } else { layers.above(settings.veil_mm) },
+    };
     let mask = BlueNoiseMask::new(grid.frame().pitch(), settings.seed);
-    let halftone = Halftone { surface, nearest, ink, mask: &mask, layer_ends: &ends };
+    let halftone = Halftone { surface, nearest, ink, mask: &mask };
     let smoother = Smoother::new(surface, settings.residual_blur_mm, &control.silent())?;
     let points: Vec<u32> = (0..surface.len() as u32).collect();
     let mut demand = Demand::new(aim);
@@ -91,12 +97,8 @@ pub fn refine(
     let mut radiance = vec![0.0f32; surface.len() * 3];
     for iteration in 0..=settings.iterations {
         let start = Instant::now();
-        let Changes { tiles, voxels, unspent } = halftone.apply(
-            grid,
-            &demand,
-            if iteration == 0 { [ends.len(), 0] } else { [based, veiled] },
-            &control.silent(),
-        )?;
+        let Changes { tiles, voxels, unspent } =
+            halftone.apply(grid, &demand, &plan(iteration), &control.silent())?;
         let halftone_seconds = start.elapsed().as_secs_f64();
         if iteration == 0 {
             unrefined = Some(grid.clone());
@@ -122,8 +124,14 @@ pub fn refine(
         let errors = |to: &[[f32; 3]]| {
             ErrorStats::of(lab.par_iter().zip(to).map(|(a, b)| ink.delta_e(*a, *b)).collect())
         };
-        let lack = smoother.apply(demand.lack(&relative));
-        let reached = demand.reached(&lack);
+        // Smoothed as light adds up: the cube root of a few paths' mean is biased far down.
+        let lack: Vec<[f32; 3]> = aim
+            .par_iter()
+            .zip(&relative)
+            .map(|(aim, shown)| std::array::from_fn(|c| aim[c] - shown[c]))
+            .collect();
+        let reached = Demand::reached(aim, &smoother.apply(lack));
+        let lack = demand.lack(&reached);
         let smoothed = ErrorStats::of(
             reached.par_iter().zip(&aim_lab).map(|(&r, m)| ink.delta_e(ink.lab(r), *m)).collect(),
         );
@@ -150,12 +158,7 @@ pub fn refine(
     if let Some((_, best)) = best
         && report.best != settings.iterations
     {
-        halftone.apply(
-            grid,
-            &best,
-            if report.best == 0 { [ends.len(), 0] } else { [based, veiled] },
-            &control.silent(),
-        )?;
+        halftone.apply(grid, &best, &plan(report.best), &control.silent())?;
     }
     let unrefined = unrefined.unwrap_or_else(|| grid.clone());
     Ok(Refined { unrefined, report })
