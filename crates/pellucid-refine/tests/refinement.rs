@@ -86,6 +86,31 @@ impl AppearancePredictor for Blur {
     }
 }
 
+/// [`Blur`] with the noise of a few paths: half the values twice too large, the others 0.
+struct FewPaths(Blur);
+
+impl AppearancePredictor for FewPaths {
+    fn name(&self) -> &str {
+        "few paths"
+    }
+    fn predict(
+        &mut self,
+        scene: &Scene<'_>,
+        points: &[u32],
+        iteration: u32,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        self.0.predict(scene, points, iteration, out, control)?;
+        for (&p, out) in points.iter().zip(out.chunks_exact_mut(3)) {
+            let mixed = (u64::from(p) << 32 | u64::from(iteration)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            out.iter_mut().for_each(|v| *v *= if mixed >> 63 == 0 { 2.0 } else { 0.0 });
+        }
+        Ok(())
+    }
+}
+
 struct Slab {
     grid: LabelGrid,
     surface: Surface,
@@ -109,7 +134,17 @@ fn settings(iterations: u32) -> RefineSettings {
 /// Refines a slab whose target is `dark` for x below 32 and `light` above.
 fn run(
     slab: &Slab,
+    colours: [f32; 2],
+    settings: &RefineSettings,
+    control: &Control<'_>,
+) -> (LabelGrid, Result<Refined, RefineError>) {
+    run_with(slab, colours, false, settings, control)
+}
+
+fn run_with(
+    slab: &Slab,
     [dark, light]: [f32; 2],
+    noisy: bool,
     settings: &RefineSettings,
     control: &Control<'_>,
 ) -> (LabelGrid, Result<Refined, RefineError>) {
@@ -126,9 +161,37 @@ fn run(
         aim: &aim,
     };
     let mut grid = slab.grid.clone();
-    let mut predictor = Blur { depth: 6.0, reach: 3, calls: Cell::new(0) };
-    let result = refine(&mut grid, &input, &mut predictor, settings, control);
+    let blur = Blur { depth: 6.0, reach: 3, calls: Cell::new(0) };
+    let result = match noisy {
+        true => refine(&mut grid, &input, &mut FewPaths(blur), settings, control),
+        false => refine(&mut grid, &input, &mut { blur }, settings, control),
+    };
     (grid, result)
+}
+
+#[test]
+fn noise_does_not_shift_dark_colours() {
+    let slab = slab();
+    let settings = RefineSettings { base_mm: 1.0, veil_mm: 0.0, gain: 1.0, ..settings(8) };
+    let shown = |noisy: bool| {
+        let (grid, refined) = run_with(&slab, [0.1; 2], noisy, &settings, &Control::none());
+        refined.unwrap();
+        let top: Vec<u32> = (0..slab.surface.len() as u32)
+            .filter(|&p| {
+                let [x, y, z] = slab.surface.voxels()[p as usize];
+                z == 99 && (8..56).contains(&x) && (4..20).contains(&y)
+            })
+            .collect();
+        let mut out = vec![0.0; top.len() * 3];
+        let materials = MaterialTable::cmykw();
+        let scene = Scene { grid: &grid, surface: &slab.surface, materials: &materials };
+        let mut judge = Blur { depth: 6.0, reach: 3, calls: Cell::new(0) };
+        judge.predict(&scene, &top, 0, &mut out, &Control::none()).unwrap();
+        out.iter().sum::<f32>() / out.len() as f32 / 0.8
+    };
+    let (clean, noisy) = (shown(false), shown(true));
+    assert!((clean - 0.1).abs() < 0.015, "{clean}");
+    assert!((noisy - 0.1).abs() < 0.02, "{noisy}, without noise {clean}");
 }
 
 #[test]
