@@ -11,20 +11,30 @@
 //! | [`blue_noise`] | thresholds of a refined print's halftone |
 //! | [`volume`] | voxels |
 //! | [`samples`] | labelled points of a volume: stencils and radiance |
+//! | [`generate`](mod@generate) | files of labelled points: made in shards, resumed, verified |
+//! | [`set_file`] | their format |
+//! | [`set`] | such a set in memory |
 //! | [`stream`] | an endless stream of training batches |
 #![forbid(unsafe_code)]
 
 pub mod blue_noise;
+mod draw;
 pub mod error;
+pub mod generate;
 pub mod noise;
 pub mod recipe;
 pub mod samples;
+pub mod set;
+pub mod set_file;
 pub mod shape;
 pub mod stream;
 pub mod texture;
 pub mod volume;
 
 pub use error::DatasetError;
+pub use generate::{SetInfo, generate, info, verify};
 pub use recipe::{Recipe, ShapeClass, Split};
 pub use samples::{Labels, STENCIL_VALUES, Sampler, Samples};
+pub use set::LabelledSet;
+pub use set_file::{SetHeader, Shard};
 pub use stream::{Stream, StreamOptions};

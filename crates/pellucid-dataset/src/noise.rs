@@ -84,19 +84,37 @@ const DIRECTIONS: [[f64; 3]; 16] = [
 
 /// Octaves of gradient noise, each of half the size and amplitude of the one before.
 #[derive(Clone, Debug)]
-pub struct FractalNoise(Vec<GradientNoise>);
+pub struct FractalNoise {
+    octaves: Vec<GradientNoise>,
+    /// Scale of the first octave.
+    first: f64,
+}
 
 impl FractalNoise {
     /// The noise of a seed.
     pub fn new(seed: u64, octaves: u32) -> Self {
-        Self((0..octaves).map(|o| GradientNoise::new(seed.wrapping_add(u64::from(o)))).collect())
+        let octaves = (0..octaves).map(|o| GradientNoise::new(seed.wrapping_add(u64::from(o)))).collect();
+        Self { octaves, first: 1.0 }
+    }
+
+    /// The noise of the first `count` octaves, and that of the others; their sum is the whole.
+    pub fn split(mut self, count: usize) -> (Self, Self) {
+        let count = count.min(self.octaves.len());
+        let first = self.first * 2f64.powi(count as i32);
+        let fine = Self { octaves: self.octaves.split_off(count), first };
+        (self, fine)
+    }
+
+    /// Number of octaves.
+    pub fn octaves(&self) -> usize {
+        self.octaves.len()
     }
 
     /// The value at a point.
     pub fn at(&mut self, p: [f64; 3]) -> f64 {
-        let mut scale = 1.0;
+        let mut scale = self.first;
         let mut sum = 0.0;
-        for octave in &mut self.0 {
+        for octave in &mut self.octaves {
             sum += octave.at(p.map(|v| v * scale)) / scale;
             scale *= 2.0;
         }
@@ -219,6 +237,9 @@ mod tests {
         for i in 0..2000 {
             let p = [0, 1, 2].map(|a| unit(hash(2, i, a, 0)) * 4.0 - 2.0);
             assert_eq!(noise.at(p), FractalNoise::new(5, 3).at(p));
+            let (mut coarse, mut fine) = noise.clone().split(2);
+            assert_eq!((coarse.octaves(), fine.octaves()), (2, 1));
+            assert!((coarse.at(p) + fine.at(p) - noise.at(p)).abs() < 1e-12);
             assert_eq!(cells.at(p), VoronoiCells::new(5).at(p));
         }
     }

@@ -1,14 +1,11 @@
 //! What a data set consists of: a small JSON file from which every volume follows.
 
+use std::path::Path;
+
 use pellucid_voxel::Pitch;
-use rand_core::Rng;
-use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::DatasetError;
-use crate::noise::{hash, unit};
-use crate::shape::Shape;
-use crate::texture::{Dither, Pattern, Texture, random_mixture};
 
 /// Families of solids. The first four are the paper's (section 4.1), the others what it lists as limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -32,6 +29,10 @@ pub enum ShapeClass {
     Concave,
     /// A pipe or a rod.
     Tube,
+    /// Limbs that meet in the middle: a shape that training leaves out.
+    Star,
+    /// A ball cut from a gyroid's curved sheets: a shape that training leaves out.
+    Gyroid,
 }
 
 /// A use of the data set with volumes of its own.
@@ -43,8 +44,11 @@ pub struct Split {
     pub volumes: u32,
     /// Surface points drawn from each volume.
     pub points: u32,
-    /// Paths a point and channel of the labels.
+    /// Paths a point and channel of the labels; the most of them where `std_error` is given.
     pub spp: u32,
+    /// Standard error to which labels are traced; without it they take `spp` paths each.
+    #[serde(default)]
+    pub std_error: Option<f32>,
     /// Shape families and their weights.
     pub shapes: Vec<(ShapeClass, f64)>,
     /// Factor on all coefficients: 4 and 0.25 are the paper's Figure 11.
@@ -72,7 +76,30 @@ pub struct Recipe {
     pub splits: Vec<Split>,
 }
 
+/// Most voxels of a solid's box.
+const MAX_VOXELS: f64 = (1u64 << 33) as f64;
+
+/// Longest recipe file that is read.
+const MAX_FILE: u64 = 1 << 20;
+
 impl Recipe {
+    /// Reads and checks a recipe in JSON.
+    ///
+    /// # Errors
+    /// [`DatasetError::Io`] when the file cannot be read, is no recipe or is over 1 MiB long;
+    /// [`DatasetError::Invalid`] as [`Recipe::check`].
+    pub fn read(path: &Path) -> Result<Self, DatasetError> {
+        let io = |reason: String| DatasetError::Io { path: path.to_owned(), reason };
+        let length = std::fs::metadata(path).map_err(|e| io(e.to_string()))?.len();
+        if length > MAX_FILE {
+            return Err(io(format!("{length} bytes; a recipe has at most {MAX_FILE}")));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| io(e.to_string()))?;
+        let recipe: Self = serde_json::from_str(&text).map_err(|e| io(e.to_string()))?;
+        recipe.check()?;
+        Ok(recipe)
+    }
+
     /// Checks the ranges of a recipe.
     ///
     /// # Errors
@@ -90,6 +117,10 @@ impl Recipe {
         if !(0.0..=1.0).contains(&self.large_share) {
             return invalid("large_share".into(), "must lie within 0 to 1");
         }
+        let voxels: f64 = self.pitch.mm().iter().map(|mm| self.large_mm / mm).product();
+        if voxels > MAX_VOXELS {
+            return invalid("large_mm".into(), "takes more than 2^33 voxels; use a coarser pitch or less");
+        }
         if !(1.0..=4.0).contains(&self.refractive_index) {
             return invalid("refractive_index".into(), "must lie within 1 to 4");
         }
@@ -97,6 +128,9 @@ impl Recipe {
             let field = |name: &str| format!("splits[{i}] {:?}, {name}", split.name);
             if self.splits[..i].iter().any(|s| s.name == split.name) {
                 return invalid(field("name"), "is used twice");
+            }
+            if split.std_error.is_some_and(|e| !(e.is_finite() && e > 0.0)) {
+                return invalid(field("std_error"), "must be above 0, such as 0.003");
             }
             if split.volumes == 0 || split.points == 0 || split.spp == 0 {
                 return invalid(field("volumes, points and spp"), "must be at least 1");
@@ -125,145 +159,6 @@ impl Recipe {
             ),
         })
     }
-
-    /// Solid and arrangement of a volume of a split, for `materials` materials of which the last is white.
-    pub fn draw(&self, split: &Split, volume: u32, materials: usize) -> (Shape, Texture) {
-        let mut rng = self.rng(split, volume, 0);
-        let shape = self.draw_shape(split, &mut rng);
-        (shape, draw_texture(&mut rng, materials))
-    }
-
-    /// The random numbers of a volume; `purpose` tells independent uses apart.
-    pub(crate) fn rng(&self, split: &Split, volume: u32, purpose: u64) -> Pcg64 {
-        // Splits must not share volumes: the name decides the stream.
-        let name = split
-            .name
-            .bytes()
-            .fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
-        rng(self.seed ^ hash(name, 0, 0, 0), purpose, u64::from(volume))
-    }
-
-    fn draw_shape(&self, split: &Split, rng: &mut Pcg64) -> Shape {
-        let total: f64 = split.shapes.iter().map(|(_, w)| w).sum();
-        let mut left = total * uniform(rng);
-        let mut class = split.shapes[0].0;
-        for (c, w) in &split.shapes {
-            class = *c;
-            left -= w;
-            if left < 0.0 {
-                break;
-            }
-        }
-        let [low, high] =
-            if uniform(rng) < self.large_share { [self.size_mm[1], self.large_mm] } else { self.size_mm };
-        let size = low * (high / low).powf(uniform(rng));
-        let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let turned = random_rotation(rng);
-        let axis = turned[0];
-        match class {
-            ShapeClass::Cube => Shape::Box { edges: [size; 3], turn: upright },
-            ShapeClass::RotatedCube => Shape::Box { edges: [size * 0.7; 3], turn: turned },
-            ShapeClass::Sphere => Shape::Sphere { diameter: size },
-            ShapeClass::Cuboid | ShapeClass::Slab => {
-                let thickness = match class {
-                    ShapeClass::Cuboid => between(rng, 1.0, 2.5),
-                    _ => 0.2 * 5f64.powf(uniform(rng)),
-                };
-                let mut edges = [size; 3];
-                edges[(uniform(rng) * 3.0) as usize % 3] = thickness;
-                let turn = if uniform(rng) < 0.7 { upright } else { turned };
-                Shape::Box { edges, turn }
-            }
-            ShapeClass::Torus => {
-                let tube = (size * between(rng, 0.05, 0.2)).max(0.15);
-                Shape::Torus { axis, ring: 0.5 * size - tube, tube }
-            }
-            ShapeClass::Hollow => {
-                Shape::Shell { diameter: size, wall: between(rng, 0.3, 1.5).min(0.4 * size) }
-            }
-            ShapeClass::Concave => Shape::Bowl { diameter: size, cut: size * between(rng, 0.4, 0.9), axis },
-            ShapeClass::Tube => {
-                let diameter = between(rng, 0.6, 4.0).min(size);
-                Shape::Pipe {
-                    axis,
-                    diameter,
-                    wall: (diameter * between(rng, 0.15, 0.6)).max(0.2),
-                    length: size,
-                }
-            }
-        }
-    }
-}
-
-/// Random numbers addressed by seed, purpose and item.
-pub(crate) fn rng(seed: u64, purpose: u64, item: u64) -> Pcg64 {
-    let word = |i| u128::from(hash(seed, purpose as i64, item as i64, i));
-    Pcg64::new(word(0) << 64 | word(1), word(2) << 64 | word(3))
-}
-
-fn uniform(rng: &mut Pcg64) -> f64 {
-    unit(rng.next_u64())
-}
-
-fn between(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
-    low + (high - low) * uniform(rng)
-}
-
-/// A rotation drawn uniformly, from a unit quaternion (Shoemake 1992).
-fn random_rotation(rng: &mut Pcg64) -> [[f64; 3]; 3] {
-    use std::f64::consts::TAU;
-    let (u, a, b) = (uniform(rng), TAU * uniform(rng), TAU * uniform(rng));
-    let (x, y) = ((1.0 - u).sqrt() * a.sin(), (1.0 - u).sqrt() * a.cos());
-    let (z, w) = (u.sqrt() * b.sin(), u.sqrt() * b.cos());
-    [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-}
-
-fn draw_texture(rng: &mut Pcg64, materials: usize) -> Texture {
-    let mut core = vec![0.0; materials];
-    core[materials - 1] = 1.0;
-    // Two families: what a refined print looks like, and arrangements of every kind (paper, section 4.1).
-    let print = uniform(rng) < 0.5;
-    let kind = (uniform(rng) * 10.0) as u32;
-    let pattern = match (print, kind) {
-        (true, 0..=5) | (false, 5..=6) => Pattern::Blend,
-        (true, 6..=7) | (false, 2..=4) => Pattern::Bands,
-        (false, 0) => Pattern::Constant,
-        (false, 1) => Pattern::Speckle,
-        _ => Pattern::Cells,
-    };
-    let colors = 2 + (uniform(rng) * 5.0) as usize;
-    let palette = (0..colors).map(|_| random_mixture(rng, materials)).collect();
-    let depth_mm = match (print, (uniform(rng) * 10.0) as u32) {
-        (true, _) => 0.05 * 40f64.powf(uniform(rng)),
-        // The whole volume, a thin coat of some voxels, or an extrusion of varied depth.
-        (false, 0..=2) => f64::INFINITY,
-        (false, 3..=4) => 0.03 * 8f64.powf(uniform(rng)),
-        _ => 0.25 * 12f64.powf(uniform(rng)),
-    };
-    if !print && uniform(rng) < 0.15 {
-        core = random_mixture(rng, materials);
-    }
-    let dither = uniform(rng);
-    Texture {
-        seed: rng.next_u64(),
-        pattern,
-        scale_mm: if print { 0.3 * 30f64.powf(uniform(rng)) } else { 0.08 * 60f64.powf(uniform(rng)) },
-        octaves: 1 + (uniform(rng) * 3.0) as u32,
-        palette,
-        depth_mm,
-        relief: if uniform(rng) < 0.5 { 0.0 } else { uniform(rng) },
-        fade: print && uniform(rng) < 0.5,
-        core,
-        dither: match print {
-            true if dither < 0.7 => Dither::Blue,
-            _ if dither < 0.8 => Dither::Recurrence,
-            _ => Dither::White,
-        },
-    }
 }
 
 #[cfg(test)]
@@ -276,6 +171,7 @@ mod tests {
             volumes: 4,
             points: 100,
             spp: 16,
+            std_error: None,
             shapes: vec![(ShapeClass::Cube, 1.0), (ShapeClass::Slab, 1.0), (ShapeClass::Tube, 2.0)],
             density: 1.0,
         };
@@ -303,17 +199,16 @@ mod tests {
     }
 
     #[test]
-    fn rotations_are_orthonormal() {
-        let mut rng = Pcg64::new(3, 4);
-        for _ in 0..100 {
-            let m = random_rotation(&mut rng);
-            for i in 0..3 {
-                for j in 0..3 {
-                    let dot: f64 = (0..3).map(|a| m[i][a] * m[j][a]).sum();
-                    assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-12);
-                }
-            }
+    fn the_default_recipe_is_valid() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../datasets/recipes/default.json");
+        let recipe = Recipe::read(&path).unwrap();
+        let splits = ["train", "validation", "test", "unseen-shape", "thin", "loops"];
+        for split in splits {
+            recipe.split(split).unwrap();
         }
+        let training: Vec<_> = recipe.split("train").unwrap().shapes.iter().map(|s| s.0).collect();
+        assert!(recipe.split("unseen-shape").unwrap().shapes.iter().all(|s| !training.contains(&s.0)));
+        assert!(Recipe::read(Path::new("nowhere.json")).unwrap_err().to_string().contains("nowhere.json"));
     }
 
     #[test]

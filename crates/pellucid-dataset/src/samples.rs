@@ -4,7 +4,7 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use pellucid_stencil::{Coefficients, Features, StencilSpec, Stencils};
 use pellucid_trace::{Boundary, ErrorTarget, TraceOptions, Tracer, Volume};
-use pellucid_voxel::{Control, CountSat, Material, MaterialTable, Surface, SurfaceOptions};
+use pellucid_voxel::{Control, CountSat, LabelGrid, Material, MaterialTable, Surface, SurfaceOptions, Tile};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
@@ -29,6 +29,8 @@ pub enum Labels {
 /// Labelled points of one volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
+    /// A checksum of the volume's labels.
+    pub digest: u64,
     /// The points' voxels `[x, y, z]`.
     pub voxels: Vec<[u32; 3]>,
     /// Ordered `[point][channel][level][z][y][x][feature]`, 1/mm.
@@ -105,8 +107,7 @@ impl Sampler {
         labels: Labels,
         control: &Control<'_>,
     ) -> Result<Samples, DatasetError> {
-        let (shape, texture) = self.recipe.draw(&self.split, volume, self.materials.len());
-        let grid = fill(&shape, &texture, self.recipe.pitch, &self.blue)?;
+        let grid = self.grid(volume)?;
         let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
         if surface.is_empty() {
             return Err(DatasetError::invalid(
@@ -118,10 +119,7 @@ impl Sampler {
         let chosen: Vec<u32> = (0..points).map(|_| (rng.next_u64() % surface.len() as u64) as u32).collect();
         let voxels: Vec<[u32; 3]> = chosen.iter().map(|&p| surface.voxels()[p as usize]).collect();
 
-        let sat = CountSat::build(&grid, self.materials.len(), control)?;
-        let stencils = self.stencils(&Stencils::new(StencilSpec::paper(), &grid, &sat)?, &voxels, control)?;
-        drop(sat);
-
+        let stencils = self.stencils(&grid, &voxels, control)?;
         let traced = Volume::new(&grid, &surface, control)?;
         let spp = if let Labels::Paths(spp) = labels { spp } else { 1 };
         let options =
@@ -134,18 +132,34 @@ impl Sampler {
                 tracer.radiance_with_error(&chosen, 0, &mut radiance, &mut std_error, control)?;
             }
             Labels::Error(target) => {
-                tracer.radiance_to(&chosen, 0, target, &mut radiance, &mut std_error, control)?;
+                // Paths of their own: comparisons with the other kind of label are independent.
+                tracer.radiance_to(&chosen, 1, target, &mut radiance, &mut std_error, control)?;
             }
         }
-        Ok(Samples { voxels, stencils, radiance, std_error })
+        Ok(Samples { digest: digest(&grid), voxels, stencils, radiance, std_error })
     }
 
-    fn stencils(
+    /// The voxels of a volume.
+    ///
+    /// # Errors
+    /// As [`Sampler::samples`].
+    pub fn grid(&self, volume: u32) -> Result<LabelGrid, DatasetError> {
+        let (shape, texture) = self.recipe.draw(&self.split, volume, self.materials.len());
+        Ok(fill(&shape, &texture, self.recipe.pitch, &self.blue)?)
+    }
+
+    /// The stencils of some voxels of a volume, ordered as [`Samples::stencils`].
+    ///
+    /// # Errors
+    /// [`DatasetError::Stencil`] when a voxel lies outside the grid, [`DatasetError::Cancelled`].
+    pub fn stencils(
         &self,
-        stencils: &Stencils<'_>,
+        grid: &LabelGrid,
         voxels: &[[u32; 3]],
         control: &Control<'_>,
     ) -> Result<Vec<f16>, DatasetError> {
+        let sat = CountSat::build(grid, self.materials.len(), control)?;
+        let stencils = Stencils::new(StencilSpec::paper(), grid, &sat)?;
         let row = self.coefficients.values_per_point(stencils.spec());
         let mut out = vec![f16::ZERO; voxels.len() * row];
         let mut buffer = vec![0.0; voxels.len().min(CHUNK) * row];
@@ -160,6 +174,36 @@ impl Sampler {
             }
         }
         Ok(out)
+    }
+}
+
+/// A checksum of a grid's labels: FNV-1a, tile by tile.
+pub(crate) fn digest(grid: &LabelGrid) -> u64 {
+    let mut sum = Fnv::new();
+    for tile in grid.tiles() {
+        match tile {
+            Tile::Constant(label) => sum.add(&[*label]),
+            Tile::Dense(labels) => sum.add(&labels[..]),
+        }
+    }
+    sum.0
+}
+
+/// FNV-1a over words of eight bytes, the last one padded with zeros.
+pub(crate) struct Fnv(pub(crate) u64);
+
+impl Fnv {
+    pub(crate) fn new() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
+        for word in bytes.chunks(8) {
+            let mut padded = [0; 8];
+            padded[..word.len()].copy_from_slice(word);
+            self.0 = (self.0 ^ u64::from_le_bytes(padded)).wrapping_mul(0x0100_0000_01b3);
+            self.0 ^= self.0 >> 29;
+        }
     }
 }
 

@@ -55,6 +55,22 @@ pub enum Shape {
         /// Length.
         length: f64,
     },
+    /// Rounded limbs from the origin.
+    Star {
+        /// Ends of the limbs' centre lines.
+        limbs: Vec<[f64; 3]>,
+        /// Their radius.
+        radius: f64,
+    },
+    /// A ball cut from sheets along a gyroid.
+    Gyroid {
+        /// Diameter of the ball.
+        diameter: f64,
+        /// Edge of the gyroid's cubic cell.
+        period: f64,
+        /// Thickness of the sheets where the surface is steepest; up to 1.5 times as much elsewhere.
+        thickness: f64,
+    },
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -99,6 +115,22 @@ impl Shape {
                 let outer = box_distance(&[radial - 0.5 * diameter, ends]);
                 outer.max(0.5 * diameter - wall - radial)
             }
+            Self::Star { limbs, radius } => {
+                let to_limb = |limb: &[f64; 3]| {
+                    let t = (dot(p, *limb) / dot(*limb, *limb).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+                    let d: [f64; 3] = std::array::from_fn(|a| p[a] - t * limb[a]);
+                    dot(d, d).sqrt()
+                };
+                limbs.iter().map(to_limb).fold(f64::INFINITY, f64::min) - radius
+            }
+            Self::Gyroid { diameter, period, thickness } => {
+                let wave = std::f64::consts::TAU / period;
+                let (s, c) = (p.map(|v| (v * wave).sin()), p.map(|v| (v * wave).cos()));
+                let level = s[0] * c[1] + s[1] * c[2] + s[2] * c[0];
+                // No gradient of the level in units of the wave number is longer than the root of 3.
+                let sheet = level.abs() / (wave * 3f64.sqrt()) - 0.5 * thickness;
+                sheet.max(dot(p, p).sqrt() - 0.5 * diameter)
+            }
         }
     }
 
@@ -110,6 +142,10 @@ impl Shape {
             }
             Self::Sphere { diameter } | Self::Shell { diameter, .. } | Self::Bowl { diameter, .. } => {
                 [0.5 * diameter; 3]
+            }
+            Self::Gyroid { diameter, .. } => [0.5 * diameter; 3],
+            Self::Star { limbs, radius } => {
+                std::array::from_fn(|a| limbs.iter().map(|limb| limb[a].abs()).fold(0.0, f64::max) + radius)
             }
             Self::Torus { axis, ring, tube } => {
                 std::array::from_fn(|a| ring * (1.0 - axis[a] * axis[a]).max(0.0).sqrt() + tube)
@@ -138,6 +174,8 @@ mod tests {
             Shape::Shell { diameter: 6.0, wall: 0.5 },
             Shape::Bowl { diameter: 6.0, cut: 4.0, axis },
             Shape::Pipe { axis, diameter: 3.0, wall: 0.4, length: 5.0 },
+            Shape::Star { limbs: vec![[3.0, 1.0, 0.0], [-1.0, 0.5, -4.0]], radius: 0.6 },
+            Shape::Gyroid { diameter: 8.0, period: 4.0, thickness: 0.6 },
         ];
         for shape in shapes {
             let reach = shape.reach();

@@ -35,12 +35,12 @@ pub struct StreamOptions {
 }
 
 impl Default for StreamOptions {
-    /// Batches of 256 from windows of 64 volumes with 768 points, 64 paths a label, one thread: 1.1 GB.
+    /// Batches of 256 from windows of 48 volumes with 1024 points, 64 paths a label, one thread: 1.1 GB.
     fn default() -> Self {
         Self {
             batch: 256,
-            window: 64,
-            points: 768,
+            window: 48,
+            points: 1024,
             spp: 64,
             boundary: Boundary::default(),
             seed: 0,
@@ -293,12 +293,12 @@ impl Stream {
     /// Which samples a window holds, in order.
     fn window_order(&self, window: u64) -> Vec<u32> {
         let half = self.samples / 2;
-        let order = |block| permutation(self.samples, crate::recipe::rng(self.options.seed, 2, block));
+        let order = |block| permutation(self.samples, crate::draw::rng(self.options.seed, 2, block));
         let now = order(window);
         let later = order(window + 1);
         let members: Vec<u32> =
             now[half..].iter().copied().chain(later[..half].iter().map(|&s| s | LATER)).collect();
-        permutation(members.len(), crate::recipe::rng(self.options.seed, 3, window))
+        permutation(members.len(), crate::draw::rng(self.options.seed, 3, window))
             .into_iter()
             .map(|i| members[i as usize])
             .collect()

@@ -64,6 +64,8 @@ pub struct Texture {
     pub dither: Dither,
 }
 
+/// Octaves of smaller features than this are left out but for the first: a voxel's edge is 0.08 mm.
+const FINEST_MM: f64 = 0.1;
 /// Bound of what noise reaches.
 const NOISE_BOUND: f64 = 2.0;
 
@@ -80,12 +82,14 @@ impl Texture {
         let place = move |local: [usize; 3]| {
             frame.centre_mm(std::array::from_fn(|a| base[a] + local[a] as i64)).map(|v| v / self.scale_mm)
         };
-        // Features of eight lattice steps or more are smooth between its points.
         let step = (0..3).map(|a| Lattice::STEP[a] as f64 * frame.pitch().mm()[a]).fold(0.0, f64::max);
-        let smooth = |scale: f64| scale >= 8.0 * step;
-        let mut noise = FractalNoise::new(self.seed, self.octaves);
+        // Finer octaves than this are taken at every voxel.
+        let smooth = |scale: f64| scale >= 3.0 * step;
+        let octave = |o: u32| self.scale_mm * 0.5f64.powi(o as i32);
+        let kept = (0..self.octaves).filter(|&o| o == 0 || octave(o) >= FINEST_MM).count() as u32;
+        let coarse = (0..kept).filter(|&o| smooth(octave(o))).count();
+        let (mut coarse, fine) = FractalNoise::new(self.seed, kept).split(coarse);
         let mut relief = GradientNoise::new(self.seed ^ 0xde_97);
-        let finest = self.scale_mm / f64::from(1u32 << (self.octaves - 1).min(31));
         let wants_noise = matches!(self.pattern, Pattern::Bands | Pattern::Blend);
         let wants_relief = self.relief > 0.0 && self.depth_mm.is_finite();
         Painter {
@@ -93,10 +97,10 @@ impl Texture {
             blue,
             frame,
             base,
-            level_lattice: (wants_noise && smooth(finest)).then(|| Lattice::new(|v| noise.at(place(v)))),
+            coarse: (wants_noise && coarse.octaves() > 0).then(|| Lattice::new(|v| coarse.at(place(v)))),
             relief_lattice: (wants_relief && smooth(2.0 * self.scale_mm))
                 .then(|| Lattice::new(|v| relief.at(place(v).map(|q| 0.5 * q)))),
-            noise,
+            fine,
             relief,
             cells: VoronoiCells::new(self.seed),
             shift: unit(offset),
@@ -113,9 +117,9 @@ pub struct Painter<'a> {
     blue: &'a BlueNoise,
     frame: &'a Frame,
     base: [i64; 3],
-    level_lattice: Option<Lattice>,
+    coarse: Option<Lattice>,
     relief_lattice: Option<Lattice>,
-    noise: FractalNoise,
+    fine: FractalNoise,
     relief: GradientNoise,
     cells: VoronoiCells,
     shift: f64,
@@ -178,10 +182,7 @@ impl Painter<'_> {
 
     /// Noise within 0..=1: it lies within about ±0.9, and its middle half holds most of its values.
     fn level(&mut self, local: [usize; 3], q: [f64; 3]) -> f64 {
-        let noise = match &self.level_lattice {
-            Some(lattice) => lattice.at(local),
-            None => self.noise.at(q),
-        };
+        let noise = self.coarse.as_ref().map_or(0.0, |lattice| lattice.at(local)) + self.fine.at(q);
         (0.5 + 0.9 * noise).clamp(0.0, 1.0)
     }
 }
@@ -267,7 +268,7 @@ mod tests {
         for tile in 0..100i64 {
             let base = [tile % 10, tile / 10, tile % 7].map(|t| t * TILE as i64);
             let mut painter = texture.painter(&blue, &frame, base);
-            assert!(painter.relief_lattice.is_some());
+            assert!(painter.coarse.is_some() && painter.relief_lattice.is_some());
             for i in 0..100 {
                 let local = [i % 16, i * 3 % 16, i / 7];
                 let voxel = std::array::from_fn(|a| base[a] + local[a] as i64);

@@ -17,6 +17,7 @@ fn recipe() -> Recipe {
         volumes: 4,
         points: 10,
         spp: 4,
+        std_error: None,
         shapes: vec![(ShapeClass::Slab, 2.0), (ShapeClass::Tube, 1.0), (ShapeClass::Sphere, 1.0)],
         density,
     };

@@ -1,0 +1,171 @@
+//! Finished sets in memory.
+
+use std::path::Path;
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use pellucid_voxel::{AIR, Control};
+
+use crate::generate::{check_complete, sampler_of};
+use crate::samples::{STENCIL_VALUES, digest};
+use crate::set_file::{self, Contents, SetHeader, Shard, unsupported};
+use crate::{DatasetError, ShapeClass};
+
+/// Most samples held: 4.9 GB.
+const MAX_SAMPLES: u64 = 1_000_000;
+
+/// A labelled set: validation, test, or one of the hard cases. A sample is one point in one channel; samples
+/// are ordered `[volume][point][channel]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelledSet {
+    header: SetHeader,
+    volumes: Vec<u32>,
+    classes: Vec<ShapeClass>,
+    voxels: Vec<[u16; 3]>,
+    stencils: Vec<f16>,
+    radiance: Vec<f32>,
+    std_error: Vec<f32>,
+}
+
+impl LabelledSet {
+    /// Reads a set from the file of the whole, or from those of all its shards in any order, and extracts its
+    /// stencils anew. Progress counts volumes.
+    ///
+    /// # Errors
+    /// [`DatasetError::Io`]; [`DatasetError::Unsupported`] naming a file that is damaged, does not belong to
+    /// the others, or comes from a version whose volumes were different; [`DatasetError::Invalid`] when a
+    /// shard is missing; [`DatasetError::Cancelled`].
+    pub fn load<P: AsRef<Path>>(paths: &[P], control: &Control<'_>) -> Result<Self, DatasetError> {
+        let mut files: Vec<(&Path, Contents)> = Vec::new();
+        for path in paths.iter().map(AsRef::as_ref) {
+            let there = set_file::read(path)?;
+            check_complete(path, &there)?;
+            files.push((path, there));
+        }
+        let Some((_, first)) = files.first() else {
+            return Err(DatasetError::invalid("files", "needs at least one"));
+        };
+        let header = SetHeader { shard: Shard::WHOLE, ..first.header.clone() };
+        let count = first.header.shard.count;
+        for (path, there) in &files {
+            let same = SetHeader { shard: Shard::WHOLE, ..there.header.clone() } == header;
+            if !same || there.header.shard.count != count {
+                return Err(unsupported(path, "recipe", "it is of another set than the first file"));
+            }
+        }
+        let mut shards: Vec<u32> = files.iter().map(|(_, there)| there.header.shard.index).collect();
+        shards.sort_unstable();
+        if !shards.iter().copied().eq(0..count) {
+            return Err(DatasetError::invalid(
+                "files",
+                format!("parts {shards:?} of {count}; all are needed once"),
+            ));
+        }
+        let mut records: Vec<_> =
+            files.iter().flat_map(|(path, there)| there.records.iter().map(move |r| (*path, r))).collect();
+        records.sort_by_key(|(_, record)| record.volume);
+        let samples: u64 = records.iter().map(|(_, r)| r.radiance.len() as u64).sum();
+        if samples > MAX_SAMPLES {
+            return Err(DatasetError::invalid("files", format!("{samples} samples; at most {MAX_SAMPLES}")));
+        }
+        let split = header.split()?;
+        let sampler = sampler_of(&header)?;
+        let mut set = Self {
+            volumes: Vec::new(),
+            classes: Vec::new(),
+            voxels: Vec::new(),
+            stencils: Vec::with_capacity(samples as usize * STENCIL_VALUES),
+            radiance: Vec::new(),
+            std_error: Vec::new(),
+            header: header.clone(),
+        };
+        for (i, (path, record)) in records.iter().enumerate() {
+            control.report(i as u64, records.len() as u64);
+            control.check()?;
+            let grid = sampler.grid(record.volume)?;
+            let voxels: Vec<[u32; 3]> = record.voxels.iter().map(|v| v.map(u32::from)).collect();
+            if digest(&grid) != record.digest || voxels.iter().any(|v| grid.at(v.map(i64::from)) == AIR) {
+                return Err(unsupported(
+                    path,
+                    &format!("volume {}", record.volume),
+                    "this version makes another one of the recipe; generate the set again",
+                ));
+            }
+            set.stencils.extend(sampler.stencils(&grid, &voxels, &control.silent())?);
+            set.volumes.push(record.volume);
+            set.classes.push(header.recipe.class(split, record.volume));
+            set.voxels.extend(&record.voxels);
+            set.radiance.extend(&record.radiance);
+            set.std_error.extend(&record.std_error);
+        }
+        Ok(set)
+    }
+
+    /// Recipe, split and materials.
+    pub fn header(&self) -> &SetHeader {
+        &self.header
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.radiance.len()
+    }
+
+    /// True when there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.radiance.is_empty()
+    }
+
+    /// Number of channels.
+    pub fn channels(&self) -> usize {
+        self.header.materials.channels()
+    }
+
+    /// Radiance of each sample, within 0..=1.
+    pub fn radiance(&self) -> &[f32] {
+        &self.radiance
+    }
+
+    /// Standard error of each sample's radiance.
+    pub fn std_error(&self) -> &[f32] {
+        &self.std_error
+    }
+
+    /// Channel of a sample.
+    pub fn channel(&self, sample: usize) -> usize {
+        sample % self.channels()
+    }
+
+    /// Number of a sample's volume in the split.
+    ///
+    /// # Panics
+    /// When `sample` is not below [`LabelledSet::len`]; so do the others that take one.
+    pub fn volume(&self, sample: usize) -> u32 {
+        self.volumes[sample / self.per_volume()]
+    }
+
+    /// Shape family of a sample's volume.
+    pub fn class(&self, sample: usize) -> ShapeClass {
+        self.classes[sample / self.per_volume()]
+    }
+
+    /// A sample's voxel `[x, y, z]` in the grid that [`Sampler::grid`](crate::Sampler::grid) makes of its volume.
+    pub fn voxel(&self, sample: usize) -> [u32; 3] {
+        self.voxels[sample / self.channels()].map(u32::from)
+    }
+
+    /// Writes the stencils of samples `first..` to `out`, [`STENCIL_VALUES`] a sample, ordered
+    /// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm.
+    ///
+    /// # Panics
+    /// When `out` is no whole number of stencils or reaches past the last one.
+    pub fn stencils(&self, first: usize, out: &mut [f32]) {
+        assert!(out.len().is_multiple_of(STENCIL_VALUES), "whole stencils");
+        let start = first * STENCIL_VALUES;
+        self.stencils[start..start + out.len()].convert_to_f32_slice(out);
+    }
+
+    fn per_volume(&self) -> usize {
+        self.radiance.len() / self.volumes.len()
+    }
+}
