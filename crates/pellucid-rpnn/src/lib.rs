@@ -9,6 +9,7 @@
 //! | [`transform`] | from raw stencils to the network's input |
 //! | [`network`] | forward and backward passes on packed matrix products |
 //! | [`inference`] | radiance of raw stencils, any number of them |
+//! | `shipped` | trained weights carried in the library (feature `weights`) |
 //! | [`adamw`] | the optimiser |
 //! | [`train`] | training runs |
 //! | `reference` | the same network on candle (feature `candle`): the gradient oracle |
@@ -25,6 +26,8 @@ mod kernel;
 pub mod network;
 #[cfg(feature = "candle")]
 pub mod reference;
+#[cfg(feature = "weights")]
+mod shipped;
 pub mod train;
 pub mod transform;
 pub mod variant;
@@ -33,5 +36,7 @@ pub mod weights;
 pub use error::RpnnError;
 pub use inference::Inference;
 pub use network::{Network, Precision};
+#[cfg(feature = "weights")]
+pub use shipped::shipped;
 pub use variant::Variant;
 pub use weights::Weights;

@@ -44,7 +44,7 @@ mod evaluate;
 pub mod job;
 #[cfg(feature = "job")]
 mod output;
-#[cfg(feature = "mc")]
+#[cfg(any(feature = "mc", feature = "rpnn"))]
 pub mod predictor;
 #[cfg(feature = "proof")]
 pub mod proof;

@@ -2,6 +2,12 @@
 //!
 //! [`AppearancePredictor`]: pellucid_refine::AppearancePredictor
 
+#[cfg(feature = "mc")]
 mod monte_carlo;
+#[cfg(feature = "rpnn")]
+mod rpnn;
 
+#[cfg(feature = "mc")]
 pub use monte_carlo::MonteCarlo;
+#[cfg(feature = "rpnn")]
+pub use rpnn::Rpnn;

@@ -1,0 +1,59 @@
+//! Trained weights carried in the library.
+
+use std::path::Path;
+
+use crate::file::{Provenance, parse};
+use crate::{RpnnError, Weights};
+
+const FILE: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors");
+
+/// The weights of the paper's proposal, [`Variant::SharedLevelsAndOctants`](crate::Variant), and what they were
+/// trained for: 600 x 300 x 940 DPI, refractive index 1.5, the default materials.
+///
+/// # Errors
+/// Never in practice: only when the file in the library is damaged.
+///
+/// ```
+/// let (weights, provenance) = pellucid_rpnn::shipped().unwrap();
+/// assert_eq!(weights.values().len(), 706_861);
+/// assert_eq!(provenance.refractive_index, 1.5);
+/// ```
+pub fn shipped() -> Result<(Weights, Provenance), RpnnError> {
+    parse(Path::new("shared-levels-octants.safetensors"), FILE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::variant::INPUTS;
+    use crate::{Inference, Precision};
+
+    /// A half-space of one material, seen from its surface: z up, the point's voxel the topmost.
+    fn half_space(sigma_s: f32, sigma_a: f32) -> Vec<f32> {
+        let mut stencil = vec![0.0; INPUTS];
+        for (cell, value) in stencil.chunks_exact_mut(2).enumerate() {
+            let (level, z) = (cell / 135, cell % 135 / 15);
+            // Share of the cell below the top of the point's voxel, half a voxel above its centre.
+            let edge = f64::powi(2.0, level as i32);
+            let bottom = (z as f64 - 4.5) * edge;
+            let share = ((0.5 - bottom) / edge).clamp(0.0, 1.0) as f32;
+            value.copy_from_slice(&[sigma_s * share, sigma_a * share]);
+        }
+        stencil
+    }
+
+    #[test]
+    fn brighter_material_is_predicted_brighter() {
+        let (weights, provenance) = shipped().unwrap();
+        for precision in [Precision::F32, Precision::Bf16] {
+            let mut inference = Inference::new(&weights, provenance.transform, precision).unwrap();
+            // Black, a mid tone and white of about 6/mm: radiance at index 1.5 near 0.03, 0.3 and 0.9.
+            let media = [[2.0, 4.0], [5.9, 0.1], [5.995, 0.005]];
+            let mut out = [0.0; 3];
+            let stencils: Vec<f32> = media.iter().flat_map(|&[s, a]| half_space(s, a)).collect();
+            inference.radiance(&stencils, &mut out).unwrap();
+            assert!(out[0] < 0.15 && out[1] > out[0] + 0.1 && out[2] > out[1] + 0.1, "{out:?}");
+            assert!(out[2] < 1.05, "{out:?}");
+        }
+    }
+}
