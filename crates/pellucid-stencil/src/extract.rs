@@ -212,6 +212,12 @@ impl<'a> Stencils<'a> {
             }
             // Level by level: neighbouring batches share most of what a level looks up.
             for level in self.fine_levels..self.spec.levels() {
+                if self.spec.cell_edge(level).is_multiple_of(TILE as u32) {
+                    control.check()?;
+                    work.take_points(rows, 0, level + 1);
+                    self.coarse(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                    continue;
+                }
                 for (i, rows) in rows.chunks_mut(batch).enumerate() {
                     control.check()?;
                     work.take_points(rows, i * batch, level + 1);

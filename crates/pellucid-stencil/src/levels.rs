@@ -14,12 +14,20 @@ use pellucid_voxel::{AIR, TILE, Tile};
 
 use crate::Stencils;
 use crate::axis::{Axis, Extent};
-use crate::kernel::{Plane, Sums};
+use crate::kernel::{Cells, Pass, Plane, Sums};
+use crate::lattice::{Corners, Lattice, Member, Part, Places};
 use crate::window::Window;
 
 /// What an entry of a window costs to make, and a corner to look up, in the same unit.
 const ENTRY_COST: usize = 1;
 const CORNER_COST: usize = 20;
+
+/// Points of a group below which finding what its corners look up does not pay.
+const SMALL_GROUP: usize = 4;
+/// Most points of a group.
+const GROUP: usize = 128;
+/// Most points whose corners are looked up one by one.
+const BATCH: usize = 256;
 
 /// Buffers of one thread, reused from batch to batch.
 #[derive(Default)]
@@ -39,6 +47,14 @@ pub(crate) struct Workspace {
 }
 
 impl Workspace {
+    /// Takes the members of `points` and `rows`.
+    fn take(&mut self, members: &[Member], points: &[[u32; 3]], rows: &[usize]) {
+        self.points.clear();
+        self.points.extend(members.iter().map(|m| points[m.index as usize]));
+        self.rows.clear();
+        self.rows.extend(members.iter().map(|m| rows[m.index as usize]));
+    }
+
     /// Takes the points of `rows`, the first of which is number `start` of the task, that want a
     /// level below `end`.
     pub fn take_points<T>(&mut self, rows: &[([u32; 3], T)], start: usize, end: usize) {
@@ -86,6 +102,113 @@ impl Stencils<'_> {
             Some(label) => self.fill(level, label, work, &mut sink),
             None => self.with_table(level, work, sink),
         }
+    }
+
+    /// A level whose cells are whole tiles long, group by group; `sink` as in [`Stencils::fine`].
+    pub(crate) fn coarse(
+        &self,
+        level: usize,
+        work: &mut Workspace,
+        mut sink: impl FnMut(usize, Range<usize>, &[Sums]),
+    ) {
+        let edge = self.spec.cell_edge(level);
+        let (points, rows) = (std::mem::take(&mut work.points), std::mem::take(&mut work.rows));
+        let mut members: Vec<Member> =
+            points.iter().enumerate().map(|(i, &p)| Member::new(p, i, self.spec.cells(), edge)).collect();
+        members.sort_unstable_by_key(|m| {
+            (m.tile[2], m.tile[1], m.tile[0], m.split(), m.place[2], m.place[1], m.place[0])
+        });
+        let mut few = Vec::new();
+        for group in members.chunk_by(|a, b| (a.tile, a.split()) == (b.tile, b.split())) {
+            if group.len() < SMALL_GROUP << group[0].split().count_ones() {
+                few.extend_from_slice(group);
+                continue;
+            }
+            for group in group.chunks((GROUP / self.sat.groups().len()).max(8)) {
+                work.take(group, &points, &rows);
+                match self.uniform(level, &work.points) {
+                    Some(label) => self.fill(level, label, work, &mut sink),
+                    None => self.with_lattice(level, group, work, &mut sink),
+                }
+            }
+        }
+        for group in few.chunks(BATCH) {
+            work.take(group, &points, &rows);
+            self.level(level, work, &mut sink);
+        }
+        (work.points, work.rows) = (points, rows);
+    }
+
+    /// Points whose corners lie in the same tiles and are split along the same axes.
+    fn with_lattice(
+        &self,
+        level: usize,
+        group: &[Member],
+        work: &mut Workspace,
+        mut sink: impl FnMut(usize, Range<usize>, &[Sums]),
+    ) {
+        let Workspace { rows, counts, sums, columns, .. } = work;
+        let n = self.spec.cells();
+        let cells = self.spec.cells_per_level();
+        let range = level * cells..(level + 1) * cells;
+        let groups = self.sat.groups();
+        let points = group.len();
+        counts.clear();
+        counts.resize(points * groups.len() * cells, Sums::default());
+        let axes: [Option<Corners>; 3] = std::array::from_fn(|a| {
+            let tile = group.first()?.tile[a];
+            Corners::new(n[a], self.spec.cell_edge(level), tile.into(), self.extent(a)?)
+        });
+        let [Some(x), Some(y), Some(z)] = axes else {
+            rows.iter().for_each(|&row| sink(row, range.clone(), &counts[..groups.len() * cells]));
+            return;
+        };
+        let axes = [x, y, z];
+        let places = Places::new(group);
+        let split = group[0].split();
+        let lead = [0, 1, 2].map(|a: usize| usize::from(axes[a].lead));
+        let [mx, my] = [axes[0].len(), axes[1].len()];
+        for (g, tables) in groups.iter().enumerate() {
+            let pass = |second: u8| {
+                let parts = std::array::from_fn(|a| match (split >> a & 1, second >> a & 1) {
+                    (0, _) => Part::Pair,
+                    (_, 0) => Part::First,
+                    _ => Part::Second,
+                });
+                Pass::new(Lattice::new(tables, self.grid.size(), &axes, parts), &places)
+            };
+            let mut passes: Vec<Pass> = (0..8).filter(|second| second & !split == 0).map(pass).collect();
+            columns.clear();
+            columns.resize((mx - 1) * (my - 1) * points, Sums::default());
+            for k in 0..axes[2].len() - lead[2] {
+                sums.clear();
+                sums.resize(mx * my * points, Sums::default());
+                for pass in &mut passes {
+                    self.kernel.plane_sums(pass, &places, k, [lead[0], lead[1]], mx, sums);
+                }
+                // The first plane has no cells before it, unless nothing lies there.
+                let layer = (axes[2].first_cell + k + lead[2]).checked_sub(1);
+                let first = [axes[0].first_cell, axes[1].first_cell, layer.unwrap_or(0)];
+                let between = Cells {
+                    corners: [mx, my],
+                    points,
+                    first: g * cells + self.spec.cell_index(first),
+                    width: n[0],
+                    stride: groups.len() * cells,
+                };
+                self.kernel.plane_cells(&between, sums, columns, counts);
+            }
+        }
+        for (&row, counts) in rows.iter().zip(counts.chunks_exact(groups.len() * cells)) {
+            sink(row, range.clone(), counts);
+        }
+    }
+
+    /// The axis as the table sees it; `None` where the volume is empty.
+    fn extent(&self, axis: usize) -> Option<Extent> {
+        let (low, high) = self.bounds?;
+        let stride = self.sat.groups()[0].strides()[axis];
+        Some(Extent { size: self.grid.size()[axis], low: low[axis], high: high[axis], stride })
     }
 
     /// The label of all that the boxes of a level meet, where whole tiles show that it is one.

@@ -26,6 +26,7 @@ pub mod coefficients;
 pub mod error;
 pub mod extract;
 mod kernel;
+mod lattice;
 mod levels;
 pub mod octants;
 pub mod spec;

@@ -18,7 +18,7 @@ use crate::StencilSpec;
 use crate::kernel::{Kernel, Sums};
 
 /// Bits of each of the first four materials.
-const FIELD: u32 = 13;
+pub(crate) const FIELD: u32 = 13;
 /// Largest count of a cell that the packing holds.
 pub(crate) const MAX_COUNT: u32 = 4096;
 
@@ -47,6 +47,8 @@ pub(crate) struct Window {
     /// Per group, packed sums up to each voxel's centre.
     sums: Vec<Vec<u64>>,
     pair: Vec<u64>,
+    /// Packed counts of one point's cells.
+    cells: Vec<u64>,
 }
 
 impl Window {
@@ -109,7 +111,7 @@ impl Window {
 
     /// Counts of a point's cells at a level above the first that the window covers.
     pub fn cell_counts(
-        &self,
+        &mut self,
         kernel: Kernel,
         spec: &StencilSpec,
         level: usize,
@@ -121,7 +123,10 @@ impl Window {
         let n = spec.cells();
         let start = std::array::from_fn(|a| i64::from(point[a]) - (edge * n[a] / 2) as i64);
         let strides = [edge, edge * self.size[0], edge * self.size[0] * self.size[1]];
-        kernel.window_cells(n, strides, &self.sums[group][self.entry(start)..], cells);
+        let sums = &self.sums[group][self.entry(start)..];
+        self.cells.resize(cells.len(), 0);
+        kernel.window_cells(n, strides, sums, &mut self.cells);
+        kernel.unpack(&self.cells, cells);
     }
 
     #[inline(always)]
@@ -200,9 +205,9 @@ pub(crate) fn sum_labels(
     }
 }
 
-/// Cell counts from packed corner sums, the first corner at `sums[0]`.
+/// Packed cell counts from packed corner sums, the first corner at `sums[0]`.
 #[inline(always)]
-pub(crate) fn cells_between(n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
+pub(crate) fn cells_between(n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [u64]) {
     const MOST: usize = StencilSpec::MAX_CELLS;
     let [nx, ny, nz] = n;
     let mut columns = [0u64; MOST * MOST];
@@ -210,17 +215,19 @@ pub(crate) fn cells_between(n: [usize; 3], strides: [usize; 3], sums: &[u64], ce
     for k in 0..=nz {
         for j in 0..=ny {
             let row = &sums[k * strides[2] + j * strides[1]..][..nx * strides[0] + 1];
-            for i in 0..nx {
-                far[i] = row[(i + 1) * strides[0]].wrapping_sub(row[i * strides[0]]);
+            let mut last = row[0];
+            for (far, corner) in far[..nx].iter_mut().zip(row[strides[0]..].iter().step_by(strides[0])) {
+                *far = corner.wrapping_sub(last);
+                last = *corner;
             }
             if j > 0 {
-                for i in 0..nx {
-                    let column = far[i].wrapping_sub(near[i]);
-                    let at = (j - 1) * nx + i;
+                let at = (j - 1) * nx;
+                for (i, column) in columns[at..at + nx].iter_mut().enumerate() {
+                    let new = far[i].wrapping_sub(near[i]);
                     if k > 0 {
-                        cells[(k - 1) * nx * ny + at] = unpack(column.wrapping_sub(columns[at]));
+                        cells[(k - 1) * nx * ny + at + i] = new.wrapping_sub(*column);
                     }
-                    columns[at] = column;
+                    *column = new;
                 }
             }
             near = far;

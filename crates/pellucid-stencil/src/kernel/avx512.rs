@@ -6,9 +6,10 @@ use std::arch::x86_64::*;
 
 use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables};
 
+use super::lattice::{self, Cells, Clusters, Pass};
 use super::{Plane, Rows, Sums, each_corner, scalar};
 use crate::axis::{Position, each};
-use crate::window;
+use crate::lattice::{BarAt, LocalAt, Places, across};
 
 /// Proof that the machine runs this module's functions: made by [`Avx512::detect`] alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +36,24 @@ impl Avx512 {
         unsafe { cell_counts_avx512(nx, sums, columns, cells) }
     }
 
+    pub fn plane_sums(
+        self,
+        pass: &mut Pass,
+        places: &Places,
+        k: usize,
+        lead: [usize; 2],
+        width: usize,
+        sums: &mut [Sums],
+    ) {
+        // SAFETY: as above.
+        unsafe { plane_sums_avx512(self, pass, places, k, lead, width, sums) }
+    }
+
+    pub fn plane_cells(self, cells: &Cells, sums: &[Sums], columns: &mut [Sums], counts: &mut [Sums]) {
+        // SAFETY: as above.
+        unsafe { plane_cells_avx512(cells, sums, columns, counts) }
+    }
+
     pub fn features(
         self,
         rows: &Rows,
@@ -48,44 +67,75 @@ impl Avx512 {
         // SAFETY: as above.
         unsafe { features_avx512(rows, materials, at, counts, cells, channels, out) }
     }
-
-    pub fn window_sums(
-        self,
-        size: [usize; 3],
-        labels: &[u8],
-        units: &[u64; 256],
-        pair: &mut Vec<u64>,
-        sums: &mut [u64],
-    ) {
-        // SAFETY: as above.
-        unsafe { window_sums_avx512(size, labels, units, pair, sums) }
-    }
-
-    pub fn window_cells(self, n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
-        // SAFETY: as above.
-        unsafe { window_cells_avx512(n, strides, sums, cells) }
-    }
-}
-
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn window_sums_avx512(
-    size: [usize; 3],
-    labels: &[u8],
-    units: &[u64; 256],
-    pair: &mut Vec<u64>,
-    sums: &mut [u64],
-) {
-    window::sum_labels(size, labels, units, pair, sums);
-}
-
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn window_cells_avx512(n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
-    window::cells_between(n, strides, sums, cells);
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
 fn cell_counts_avx512(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mut [Sums]) {
     scalar::cell_counts(nx, sums, columns, cells);
+}
+
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn plane_sums_avx512(
+    proof: Avx512,
+    pass: &mut Pass,
+    places: &Places,
+    k: usize,
+    lead: [usize; 2],
+    width: usize,
+    sums: &mut [Sums],
+) {
+    lattice::plane_sums(proof, pass, places, k, lead, width, sums);
+}
+
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn plane_cells_avx512(cells: &Cells, sums: &[Sums], columns: &mut [Sums], counts: &mut [Sums]) {
+    lattice::plane_cells(cells, sums, columns, counts);
+}
+
+impl Clusters for Avx512 {
+    #[inline(always)]
+    fn bar(self, bars: &[Lanes; BAR], at: &BarAt) -> Sums {
+        let (u, v) = (at.u, at.v);
+        // SAFETY: `self` proves the features.
+        unsafe { sums(folded(bar(bars, at.entry.into(), u[0] & FIRST | u[1] & (PAIR & !FIRST), v))) }
+    }
+
+    #[inline(always)]
+    fn local(self, tables: &TileTables, at: &LocalAt) -> Sums {
+        let [x, y, z] = at.axes;
+        // SAFETY: as above.
+        unsafe { sums(local(tables, at.entry.into(), x[0] & 1 | x[1] & 2, y, z)) }
+    }
+
+    #[inline(always)]
+    fn ask_bar(self, bars: &[Lanes; BAR], at: &BarAt) {
+        let at = bars.as_ptr().wrapping_add(at.entry.into());
+        // SAFETY: asking for an address reads nothing.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(at.cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER).cast());
+        }
+    }
+
+    #[inline(always)]
+    fn ask_local(self, tables: &TileTables, at: &LocalAt) {
+        let at = tables.local.as_ptr().wrapping_add(at.entry.into());
+        // SAFETY: as above.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(at.cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER).cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER * INNER).cast());
+            _mm_prefetch::<_MM_HINT_T0>(at.wrapping_sub(INNER * INNER + INNER).cast());
+        }
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn sums(lanes: __m256i) -> Sums {
+    let mut out = Sums::default();
+    store(&mut out, lanes);
+    out
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
@@ -214,13 +264,13 @@ impl<'a> View<'a> {
         pairs = _mm512_add_epi32(pairs, self.line(2, lz, PAIR));
         pairs = _mm512_add_epi32(pairs, pairs);
         if let Some(bars) = self.bars[0] {
-            pairs = _mm512_add_epi32(pairs, bar(bars, [ly, lz], [y.inner, z.inner], [true; 2]));
+            pairs = _mm512_add_epi32(pairs, bar_around(bars, [ly, lz], [y.inner, z.inner], [true; 2]));
         }
         if let Some(bars) = self.bars[1] {
-            pairs = _mm512_add_epi32(pairs, bar(bars, [lx, lz], [x.inner, z.inner], [true; 2]));
+            pairs = _mm512_add_epi32(pairs, bar_around(bars, [lx, lz], [x.inner, z.inner], [true; 2]));
         }
         if let Some(bars) = self.bars[2] {
-            pairs = _mm512_add_epi32(pairs, bar(bars, [lx, ly], [x.inner, y.inner], [true; 2]));
+            pairs = _mm512_add_epi32(pairs, bar_around(bars, [lx, ly], [x.inner, y.inner], [true; 2]));
         }
         pairs = _mm512_add_epi32(pairs, pairs);
         let mut sum = folded(pairs);
@@ -231,7 +281,10 @@ impl<'a> View<'a> {
             sum = _mm256_add_epi32(sum, times(&self.record.depth[2], 2 * bx * by));
         }
         if let Some(tables) = self.tables {
-            sum = _mm256_add_epi32(sum, local(tables, [lx, ly, lz], [x.inner, y.inner, z.inner], [true; 3]));
+            sum = _mm256_add_epi32(
+                sum,
+                local_around(tables, [lx, ly, lz], [x.inner, y.inner, z.inner], [true; 3]),
+            );
         } else if self.filled {
             sum = _mm256_add_epi32(sum, times(&self.record.fill, bx * by * bz));
         }
@@ -268,40 +321,52 @@ fn times(counts: &Lanes, by: i32) -> __m256i {
     _mm256_mullo_epi32(counts, _mm256_set1_epi32(by))
 }
 
+/// The sum over bar entries: of those before `entry` and its row and from there on, as far as the
+/// lanes `u` and the rows `v` ask for them.
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn bar(bars: &[Lanes; BAR], entry: usize, u: u16, v: [u16; 2]) -> __m512i {
+    let near = bars.as_ptr().wrapping_add(entry).wrapping_sub(INNER + 1);
+    // SAFETY: the masks keep to places 1..=15 on both axes, so what is read lies in the table.
+    unsafe {
+        let first = _mm512_maskz_loadu_epi32(u & v[0], near.cast());
+        _mm512_add_epi32(first, _mm512_maskz_loadu_epi32(u & v[1], near.wrapping_add(INNER).cast()))
+    }
+}
+
 /// The sum over the bar entries of two neighbouring offsets on both axes; of the first alone where
 /// the axis has not `two`.
 #[inline]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn bar(bars: &[Lanes; BAR], l: [usize; 2], inner: [u16; 2], two: [bool; 2]) -> __m512i {
-    let near = bars.as_ptr().wrapping_add((l[1] * INNER + l[0]).wrapping_sub(INNER + 1));
-    let mask = if two[0] { PAIR & !FIRST } else { 0 } | inner[0] & FIRST;
-    let (first, second) = (mask & inner[1], if two[1] { mask } else { 0 });
-    // SAFETY: the masks keep to offsets 1..=15 on both axes, so what is read lies in the table.
-    unsafe {
-        let first = _mm512_maskz_loadu_epi32(first, near.cast());
-        _mm512_add_epi32(first, _mm512_maskz_loadu_epi32(second, near.wrapping_add(INNER).cast()))
-    }
+fn bar_around(bars: &[Lanes; BAR], l: [usize; 2], inner: [u16; 2], two: [bool; 2]) -> __m512i {
+    let both = two.map(|two| if two { u16::MAX } else { 0 });
+    let mask = both[0] & PAIR & !FIRST | inner[0] & FIRST;
+    bar(bars, l[1] * INNER + l[0], mask, [inner[1], both[1]])
 }
 
 /// The sum over the local counts of two neighbouring offsets on each axis; of the first alone where
 /// the axis has not `two`.
 #[inline]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-fn local(tables: &TileTables, [lx, ly, lz]: [usize; 3], inner: [u16; 3], two: [bool; 3]) -> __m256i {
-    let start = ((lz * INNER + ly) * INNER + lx).wrapping_sub(INNER * INNER + INNER + 1);
-    let base = tables.local.as_ptr().wrapping_add(start);
-    let mask = u16::from(two[0]) << 1 | inner[0] & 1;
-    let both = two.map(|two| if two { u16::MAX } else { 0 });
-    // SAFETY: the masks keep to offsets 1..=15 on all axes, so what is read lies in the table.
+fn local_around(tables: &TileTables, l: [usize; 3], inner: [u16; 3], two: [bool; 3]) -> __m256i {
+    let axis = |a: usize| [inner[a] as u8, if two[a] { u8::MAX } else { 0 }];
+    let [x, y, z] = [axis(0), axis(1), axis(2)];
+    local(tables, (l[2] * INNER + l[1]) * INNER + l[0], x[0] & 1 | x[1] & 2, y, z)
+}
+
+/// The sum over local counts, as [`bar`].
+#[inline]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+fn local(tables: &TileTables, entry: usize, x: u8, y: [u8; 2], z: [u8; 2]) -> __m256i {
+    let base = tables.local.as_ptr().wrapping_add(entry).wrapping_sub(INNER * INNER + INNER + 1);
+    // SAFETY: the masks keep to places 1..=15 on all axes, so what is read lies in the table.
     let rows = unsafe {
-        let row = |keep: u16, offset: usize| {
-            _mm_maskz_loadu_epi64((mask & keep) as u8, base.wrapping_add(offset).cast())
-        };
+        let row = |keep: u8, offset: usize| _mm_maskz_loadu_epi64(x & keep, base.wrapping_add(offset).cast());
         [
-            row(inner[1] & inner[2], 0),
-            row(both[1] & inner[2], INNER),
-            row(inner[1] & both[2], INNER * INNER),
-            row(both[1] & both[2], INNER * INNER + INNER),
+            row(y[0] & z[0], 0),
+            row(y[1] & z[0], INNER),
+            row(y[0] & z[1], INNER * INNER),
+            row(y[1] & z[1], INNER * INNER + INNER),
         ]
     };
     let near = _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(rows[0]), rows[1]);
@@ -343,14 +408,17 @@ fn split_once<const A: usize>(views: &mut Views, at: [&Position; 3]) -> __m256i 
         pairs = _mm512_add_epi32(pairs, next.line(axis, l[axis], PAIR));
         if let Some(bars) = here.bars[axis] {
             let (a, b) = across(axis);
-            pairs = _mm512_add_epi32(pairs, bar(bars, [l[a], l[b]], [inner[a], inner[b]], [two[a], two[b]]));
+            pairs = _mm512_add_epi32(
+                pairs,
+                bar_around(bars, [l[a], l[b]], [inner[a], inner[b]], [two[a], two[b]]),
+            );
         }
     }
     pairs = _mm512_add_epi32(pairs, pairs);
     let mut sum = _mm256_setzero_si256();
     for view in [&here, &next] {
         if let Some(bars) = view.bars[A] {
-            pairs = _mm512_add_epi32(pairs, bar(bars, [l[u], l[v]], [inner[u], inner[v]], [true; 2]));
+            pairs = _mm512_add_epi32(pairs, bar_around(bars, [l[u], l[v]], [inner[u], inner[v]], [true; 2]));
         }
         if view.deep {
             sum = _mm256_add_epi32(sum, times(&view.record.depth[A], before[u] * before[v]));
@@ -361,17 +429,11 @@ fn split_once<const A: usize>(views: &mut Views, at: [&Position; 3]) -> __m256i 
         sum = _mm256_add_epi32(sum, times(&here.record.depth[v], 2 * before[A] * before[u]));
     }
     if let Some(tables) = here.tables {
-        sum = _mm256_add_epi32(sum, local(tables, l, inner, two));
+        sum = _mm256_add_epi32(sum, local_around(tables, l, inner, two));
     } else if here.filled {
         sum = _mm256_add_epi32(sum, times(&here.record.fill, before[0] * before[1] * before[2]));
     }
     _mm256_add_epi32(sum, folded(pairs))
-}
-
-/// The axes across a bar along `axis`, the faster one first.
-#[inline(always)]
-const fn across(axis: usize) -> (usize, usize) {
-    [(1, 2), (0, 2), (0, 1)][axis]
 }
 
 /// The sum over a cluster that reaches into the next tile along an axis or more.
@@ -410,13 +472,13 @@ fn split(views: &mut Views, at: [&Position; 3]) -> __m256i {
         add(view.line(1, l[1], masks[1]), shift[0] + shift[2]);
         add(view.line(2, l[2], masks[2]), shift[0] + shift[1]);
         if let (Some(bars), false, false) = (view.bars[0], next[1], next[2]) {
-            add(bar(bars, [l[1], l[2]], [inner[1], inner[2]], [two[1], two[2]]), shift[0]);
+            add(bar_around(bars, [l[1], l[2]], [inner[1], inner[2]], [two[1], two[2]]), shift[0]);
         }
         if let (Some(bars), false, false) = (view.bars[1], next[0], next[2]) {
-            add(bar(bars, [l[0], l[2]], [inner[0], inner[2]], [two[0], two[2]]), shift[1]);
+            add(bar_around(bars, [l[0], l[2]], [inner[0], inner[2]], [two[0], two[2]]), shift[1]);
         }
         if let (Some(bars), false, false) = (view.bars[2], next[0], next[1]) {
-            add(bar(bars, [l[0], l[1]], [inner[0], inner[1]], [two[0], two[1]]), shift[2]);
+            add(bar_around(bars, [l[0], l[1]], [inner[0], inner[1]], [two[0], two[1]]), shift[2]);
         }
         if view.deep {
             sum = _mm256_add_epi32(sum, times(&view.record.depth[0], (b[1] * b[2]) << shift[0]));
@@ -427,7 +489,7 @@ fn split(views: &mut Views, at: [&Position; 3]) -> __m256i {
             continue;
         }
         if let Some(tables) = view.tables {
-            sum = _mm256_add_epi32(sum, local(tables, l, inner, two));
+            sum = _mm256_add_epi32(sum, local_around(tables, l, inner, two));
         } else if view.filled {
             sum = _mm256_add_epi32(sum, times(&view.record.fill, b[0] * b[1] * b[2]));
         }

@@ -9,12 +9,18 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod lattice;
 mod scalar;
+#[cfg(target_arch = "x86_64")]
+mod wide;
 
-use pellucid_voxel::sat::tables::CountTables;
+use pellucid_voxel::sat::tables::{CountTables, LANES};
 
 use crate::axis::{Axis, Set, each};
+use crate::lattice::Places;
 use crate::window;
+
+pub(crate) use lattice::{Cells, Pass};
 
 /// Sums of the five materials of a group; the three spare lanes are undefined.
 pub(crate) type Sums = [u32; 8];
@@ -119,6 +125,32 @@ impl Kernel {
         }
     }
 
+    /// [`lattice::plane_sums`].
+    pub fn plane_sums(
+        self,
+        pass: &mut Pass,
+        places: &Places,
+        k: usize,
+        lead: [usize; 2],
+        width: usize,
+        sums: &mut [Sums],
+    ) {
+        match self {
+            Kernel::Scalar => lattice::plane_sums(scalar::Plain, pass, places, k, lead, width, sums),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512(avx512) => avx512.plane_sums(pass, places, k, lead, width, sums),
+        }
+    }
+
+    /// [`lattice::plane_cells`].
+    pub fn plane_cells(self, planes: &Cells, sums: &[Sums], columns: &mut [Sums], counts: &mut [Sums]) {
+        match self {
+            Kernel::Scalar => lattice::plane_cells(planes, sums, columns, counts),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512(avx512) => avx512.plane_cells(planes, sums, columns, counts),
+        }
+    }
+
     /// [`window::sum_labels`].
     pub fn window_sums(
         self,
@@ -136,11 +168,20 @@ impl Kernel {
     }
 
     /// [`window::cells_between`].
-    pub fn window_cells(self, n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [Sums]) {
+    pub fn window_cells(self, n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [u64]) {
         match self {
             Kernel::Scalar => window::cells_between(n, strides, sums, cells),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx512(avx512) => avx512.window_cells(n, strides, sums, cells),
+        }
+    }
+
+    /// [`window::unpack`] of each word.
+    pub fn unpack(self, words: &[u64], cells: &mut [Sums]) {
+        match self {
+            Kernel::Scalar => words.iter().zip(cells).for_each(|(word, cell)| *cell = window::unpack(*word)),
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512(avx512) => avx512.unpack(words, cells),
         }
     }
 
@@ -155,6 +196,14 @@ impl Kernel {
         starts: impl Iterator<Item = usize>,
         out: &mut [f32],
     ) {
+        #[cfg(target_arch = "x86_64")]
+        if let Kernel::Avx512(avx512) = self
+            && (rows.features, materials.div_ceil(LANES)) == (2, 1)
+            && cells >= 8
+        {
+            avx512.paired_features(rows, materials, &counts[..cells], starts, out);
+            return;
+        }
         let lanes = rows.features.next_power_of_two();
         let mut starts = starts.fuse();
         for at in (0..rows.width).step_by(8) {

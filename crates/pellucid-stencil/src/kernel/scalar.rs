@@ -1,10 +1,14 @@
 //! The plain form of the kernels.
 
 use pellucid_voxel::TILE;
-use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables};
+use pellucid_voxel::sat::tables::{
+    BAR, CountTables, INNER, LANE_BITS, LANES, Lanes, TileRecord, TileTables, unpack,
+};
 
+use super::lattice::Clusters;
 use super::{Plane, Rows, Sums, each_corner};
 use crate::axis::{Position, each};
+use crate::lattice::{BarAt, LocalAt};
 
 pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
     let [nx, ny] = plane.n;
@@ -18,6 +22,41 @@ pub(super) fn corner_sums(plane: &Plane, sums: &mut [Sums]) {
             sums[p * nx * ny + j * nx + i] = around(plane.tables, record, at);
         });
     });
+}
+
+/// Clusters entry by entry.
+#[derive(Clone, Copy)]
+pub(super) struct Plain;
+
+impl Clusters for Plain {
+    fn bar(self, bars: &[Lanes; BAR], at: &BarAt) -> Sums {
+        let mut sum = [0; 8];
+        for (row, _) in [INNER, 0].iter().zip(at.v).filter(|(_, on)| *on != 0) {
+            for (entry, _) in [1, 0].iter().zip(at.u).filter(|(_, on)| *on != 0) {
+                add_times(&mut sum, &bars[usize::from(at.entry) - row - entry], 1);
+            }
+        }
+        sum
+    }
+
+    fn local(self, tables: &TileTables, at: &LocalAt) -> Sums {
+        let mut sum = [0; 8];
+        let offsets = |axis: usize, stride: usize| {
+            [stride, 0].into_iter().zip(at.axes[axis]).filter(|(_, on)| *on != 0).map(|(offset, _)| offset)
+        };
+        for z in offsets(2, INNER * INNER) {
+            for y in offsets(1, INNER) {
+                for x in offsets(0, 1) {
+                    add_times(&mut sum, &unpack(tables.local[usize::from(at.entry) - z - y - x]), 1);
+                }
+            }
+        }
+        sum
+    }
+
+    fn ask_bar(self, _: &[Lanes; BAR], _: &BarAt) {}
+
+    fn ask_local(self, _: &TileTables, _: &LocalAt) {}
 }
 
 /// The part of a 2 x 2 x 2 cluster of voxel corners that lies in one tile, along one axis: at

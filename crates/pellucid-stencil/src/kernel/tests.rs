@@ -6,6 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::axis::{Axis, Extent};
+use crate::lattice::{Corners, Lattice, Member, Part, Places};
 
 fn forms() -> Vec<Kernel> {
     let detected = Kernel::detect();
@@ -64,6 +65,74 @@ proptest! {
     }
 
     #[test]
+    fn lattice_sums_agree(
+        size in [1u32..70, 1u32..70, 1u32..70],
+        seed: u64,
+        level in 4usize..7,
+        centre in [any::<u32>(), any::<u32>(), any::<u32>()],
+        steps in prop::collection::vec([0u32..16, 0u32..16, 0u32..16], 1..60),
+    ) {
+        let grid = grid(size, seed);
+        let sat = CountSat::build(&grid, 6, &Control::none()).unwrap();
+        let Some((low, high)) = sat.bounds() else { return Ok(()) };
+        let (n, edge) = ([5, 3, 9], 1 << level);
+        let members: Vec<Member> = steps
+            .iter()
+            .map(|s| Member::new(std::array::from_fn(|a| (centre[a] % size[a] + s[a]) % size[a]), 0, n, edge))
+            .collect();
+        let like = |m: &&Member| (m.tile, m.split()) == (members[0].tile, members[0].split());
+        let members: Vec<Member> = members.iter().filter(like).copied().collect();
+        let places = Places::new(&members);
+        for tables in sat.groups() {
+            let corners: Vec<Corners> = (0..3)
+                .filter_map(|a| {
+                    let extent = Extent { size: size[a], low: low[a], high: high[a], stride: tables.strides()[a] };
+                    Corners::new(n[a], edge, members[0].tile[a].into(), extent)
+                })
+                .collect();
+            let Ok(axes) = <[Corners; 3]>::try_from(corners) else { return Ok(()) };
+            for part in [Part::Pair, Part::Second] {
+                if part == Part::Pair && members[0].split() != 0 {
+                    continue;
+                }
+                let lattice = || Lattice::new(tables, size, &axes, [part; 3]);
+                let (mut first, mut second) = (Pass::new(lattice(), &places), Pass::new(lattice(), &places));
+                let shape = [axes[0].tiles.len(), axes[1].tiles.len()];
+                let blank = vec![Sums::default(); shape[0] * shape[1] * members.len()];
+                let (mut expected, mut sums) = (blank.clone(), blank.clone());
+                let mut columns = [blank.clone(), blank.clone()];
+                let cells = Cells { corners: shape, points: members.len(), first: 0, width: shape[0], stride: shape[0] * shape[1] };
+                for k in 0..axes[2].tiles.len() {
+                    Kernel::Scalar.plane_sums(&mut first, &places, k, [0; 2], shape[0], &mut expected);
+                    let mut counts = [blank.clone(), blank.clone()];
+                    Kernel::Scalar.plane_cells(&cells, &expected, &mut columns[0], &mut counts[0]);
+                    for form in forms() {
+                        form.plane_sums(&mut second, &places, k, [0; 2], shape[0], &mut sums);
+                        prop_assert_eq!(lanes(&sums), lanes(&expected), "{:?}", form);
+                        form.plane_cells(&cells, &sums, &mut columns[1], &mut counts[1]);
+                        prop_assert_eq!(lanes(&counts[1]), lanes(&counts[0]), "{:?}", form);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn unpacking_agrees(counts in prop::collection::vec((prop::array::uniform5(0u64..=819), 0usize..8), 0..40)) {
+        let word = |(counts, full): &([u64; 5], usize)| match window::UNITS.get(*full) {
+            Some(unit) => unit.wrapping_mul(window::MAX_COUNT.into()),
+            None => counts.iter().zip(window::UNITS).map(|(n, unit)| n * unit).sum(),
+        };
+        let words: Vec<u64> = counts.iter().map(word).collect();
+        let (mut expected, mut cells) = (vec![Sums::default(); words.len()], vec![Sums::default(); words.len()]);
+        Kernel::Scalar.unpack(&words, &mut expected);
+        for form in forms() {
+            form.unpack(&words, &mut cells);
+            prop_assert_eq!(lanes(&cells), lanes(&expected), "{:?}", form);
+        }
+    }
+
+    #[test]
     fn features_and_differences_agree(
         counts in prop::collection::vec(any::<[u32; 8]>(), 24..=24),
         values in prop::collection::vec(prop_oneof![0f32..30.0, Just(0.0), Just(1e-12), Just(1e6), Just(f32::MIN_POSITIVE)], 96..=96),
@@ -80,6 +149,16 @@ proptest! {
                 form.features(&rows, 6, &counts, 12, starts.iter().copied(), &mut out);
                 let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
                 prop_assert_eq!(bits(&out), bits(&expected));
+            }
+        }
+        let two = Rows { values: &values, width: 16, features: 2, factor: f64::powi(2.0, exponent) };
+        for (cells, materials) in [(8, 5), (24, 3), (13, 5), (7, 5)] {
+            let mut expected = vec![-1.0; 240];
+            Kernel::Scalar.features(&two, materials, &counts, cells, [0, 60, 130].into_iter(), &mut expected);
+            for form in forms() {
+                let mut out = vec![-1.0; expected.len()];
+                form.features(&two, materials, &counts, cells, [0, 60, 130].into_iter(), &mut out);
+                prop_assert!(out.iter().zip(&expected).all(|(a, b)| a.to_bits() == b.to_bits()));
             }
         }
         for form in forms() {
