@@ -1,8 +1,11 @@
 //! The `pellucid` command.
 #![forbid(unsafe_code)]
 
+mod dataset;
 mod prepare;
 mod progress;
+mod stopwatch;
+mod study_rpnn;
 mod study_tracer;
 mod train;
 mod validate;
@@ -29,6 +32,9 @@ enum Command {
     Prepare(prepare::Args),
     /// Train the appearance network
     Train(train::Args),
+    /// Make, describe or verify files of labelled points
+    #[command(subcommand)]
+    Dataset(dataset::Command),
     /// Compare the path tracer with a file of reference radiances
     Validate(validate::Args),
     /// Measure, and write tables and plots
@@ -38,6 +44,8 @@ enum Command {
 
 #[derive(Subcommand)]
 enum Study {
+    /// Errors and times of networks beside Monte Carlo on labelled sets
+    Rpnn(study_rpnn::Args),
     /// Error against run time of every estimator of the path tracer
     Tracer(study_tracer::Args),
 }
@@ -69,7 +77,9 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
         Command::Train(args) => train::run(&args, &CANCEL),
+        Command::Dataset(command) => dataset::run(&command, &CANCEL),
         Command::Validate(args) => validate::run(&args, &CANCEL),
+        Command::Study(Study::Rpnn(args)) => study_rpnn::run(&args, &CANCEL),
         Command::Study(Study::Tracer(args)) => study_tracer::run(&args, &CANCEL),
     };
     match result {

@@ -60,6 +60,8 @@ enum Printer {
 enum Predictor {
     /// Monte Carlo path tracing
     Mc,
+    /// The trained appearance network
+    Rpnn,
 }
 
 /// Runs the command.
@@ -79,6 +81,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     };
     settings.predictor = match args.predictor {
         Predictor::Mc => PredictorKind::MonteCarlo,
+        Predictor::Rpnn => PredictorKind::Rpnn,
     };
     settings.scale = args.height_mm.map_or(Scale::Native, Scale::HeightMm);
     settings.spp = args.spp.unwrap_or(settings.spp);

@@ -102,11 +102,21 @@ impl Variant {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Format {
+pub enum Format {
     /// 32-bit floating point
     F32,
     /// Factors rounded to bfloat16, sums in 32 bits
     Bf16,
+}
+
+impl Format {
+    /// The network's name for it.
+    pub fn precision(self) -> Precision {
+        match self {
+            Self::F32 => Precision::F32,
+            Self::Bf16 => Precision::Bf16,
+        }
+    }
 }
 
 /// A split's labelled points in memory.
@@ -154,10 +164,7 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
             variant: args.variant.network(),
             steps: args.steps.unwrap_or(1 << 20),
             peak_rate: args.rate,
-            precision: match args.precision {
-                Format::F32 => Precision::F32,
-                Format::Bf16 => Precision::Bf16,
-            },
+            precision: args.precision.precision(),
             seed: args.seed,
             ..TrainSettings::default()
         })?

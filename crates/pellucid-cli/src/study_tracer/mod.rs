@@ -7,12 +7,12 @@ mod scenes;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 use pellucid::trace::{AssistOptions, ErrorTarget, TraceOptions, Tracer};
 use pellucid::voxel::{Control, LabelGrid, MaterialTable};
 
 use crate::Failure;
+use crate::stopwatch::seconds;
 use scenes::{Scene, ball, scene, solid};
 
 /// Error against run time of the path tracer's estimators, and its speed beside Mitsuba's
@@ -37,20 +37,6 @@ struct Row {
     microseconds: f64,
     rmse: f64,
     bias: f64,
-}
-
-/// Processor seconds of this process where the system tells, else seconds on the clock: other
-/// work on the machine lengthens only the latter.
-fn seconds() -> f64 {
-    thread_local!(static START: Instant = Instant::now());
-    let mut total = 0u64;
-    if let Ok(tasks) = std::fs::read_dir("/proc/self/task") {
-        for task in tasks.flatten() {
-            let text = std::fs::read_to_string(task.path().join("schedstat")).unwrap_or_default();
-            total += text.split(' ').next().and_then(|n| n.parse::<u64>().ok()).unwrap_or(0);
-        }
-    }
-    if total > 0 { total as f64 * 1e-9 } else { START.with(|s| s.elapsed().as_secs_f64()) }
 }
 
 /// Runs every estimator on a scene.

@@ -1,0 +1,95 @@
+//! False-colour pictures of where predictors err.
+
+use std::path::Path;
+
+use pellucid::dataset::LabelledSet;
+use pellucid::dataset::samples::Sampler;
+use pellucid::proof::{View, Visibility, contact_sheet};
+use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
+use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
+use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
+
+use super::{Candidate, Error};
+
+/// Paths of the reference.
+const REFERENCE: u32 = 1024;
+/// Difference in radiance that is shown in full colour.
+const FULL: f32 = 0.1;
+/// Points whose stencils are held at a time.
+const CHUNK: usize = 1024;
+
+/// Draws reference, network and Monte Carlo with their errors for the first volume of a set.
+pub fn draw(
+    path: &Path,
+    set: &LabelledSet,
+    white: [f64; 3],
+    candidate: &Candidate,
+    paths: f64,
+    edge: u32,
+    control: &Control<'_>,
+) -> Result<(), Error> {
+    let header = set.header();
+    let boundary = Boundary::with_index(header.recipe.refractive_index)?;
+    let sampler = Sampler::new(&header.recipe, &header.split, &header.materials, boundary)?;
+    let grid = sampler.grid(set.volume(0))?;
+    let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
+    let view = View::front_and_back().swap_remove(0);
+    let seen = Visibility::trace(&grid, &surface, &view, edge, control)?;
+    let points = seen.visible_points();
+
+    let volume = Volume::new(&grid, &surface, control)?;
+    let traced = |spp: u32, iteration: u32| -> Result<Vec<f32>, Error> {
+        let options = TraceOptions { spp, boundary, ..Default::default() };
+        let mut out = vec![0.0; points.len() * 3];
+        Tracer::new(&volume, sampler.materials(), options)?
+            .radiance(&points, iteration, &mut out, control)?;
+        Ok(out)
+    };
+    let reference = traced(REFERENCE, 0)?;
+    let noisy = traced((paths.round() as u32).clamp(1, REFERENCE), 1)?;
+
+    let sat = CountSat::build(&grid, sampler.materials().len(), control)?;
+    let stencils = Stencils::new(StencilSpec::paper(), &grid, &sat)?;
+    let coefficients = Coefficients::all(sampler.materials(), Features::ScatterAbsorb)?;
+    let row = coefficients.values_per_point(stencils.spec());
+    let voxels: Vec<[u32; 3]> = points.iter().map(|&p| surface.voxels()[p as usize]).collect();
+    let mut inference = candidate.inference()?;
+    let mut network = vec![0.0; points.len() * 3];
+    for order in near_order(&voxels).chunks(CHUNK) {
+        let part: Vec<[u32; 3]> = order.iter().map(|&i| voxels[i as usize]).collect();
+        let mut values = vec![0.0; part.len() * row];
+        stencils.extract(&coefficients, &part, &mut values, control)?;
+        let mut out = vec![0.0; part.len() * 3];
+        inference.radiance(&values, &mut out)?;
+        for (&i, rgb) in order.iter().zip(out.chunks_exact(3)) {
+            network[3 * i as usize..][..3].copy_from_slice(rgb);
+        }
+    }
+
+    let spread = |colour: &dyn Fn(usize) -> [f32; 3]| {
+        let mut all = vec![[0.0; 3]; surface.len()];
+        points.iter().enumerate().for_each(|(i, &p)| all[p as usize] = colour(i));
+        seen.shade(&all)
+    };
+    let appearance =
+        |values: &[f32]| spread(&|i| std::array::from_fn(|c| values[3 * i + c] / white[c] as f32));
+    let error = |values: &[f32]| {
+        spread(&|i| {
+            let difference = (0..3).map(|c| values[3 * i + c] - reference[3 * i + c]).sum::<f32>() / 3.0;
+            let part = (difference / FULL).clamp(-1.0, 1.0);
+            // White at no error; the stronger the error, the less of the other two colours.
+            if part > 0.0 { [1.0, 1.0 - part, 1.0 - part] } else { [1.0 + part, 1.0 + part, 1.0] }
+        })
+    };
+    let sheet = contact_sheet(&[vec![
+        appearance(&reference)?,
+        appearance(&network)?,
+        error(&network)?,
+        appearance(&noisy)?,
+        error(&noisy)?,
+    ]]);
+    let temporary = path.with_extension("tmp.png");
+    sheet.save(&temporary).map_err(|e| format!("{}: {e}", temporary.display()))?;
+    std::fs::rename(&temporary, path)?;
+    Ok(())
+}

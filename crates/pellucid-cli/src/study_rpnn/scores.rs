@@ -1,0 +1,178 @@
+//! Errors and times of every predictor on a labelled set.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use pellucid::color::space::lab_of_linear_rgb;
+use pellucid::color::{DeltaEStats, delta_e::delta_e_2000_of};
+use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
+use pellucid::dataset::{LabelledSet, ShapeClass};
+use pellucid::rpnn::train::Score;
+use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
+use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
+use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
+
+use super::{Candidate, Error};
+use crate::stopwatch::seconds;
+
+/// Paths a point and channel of the Monte Carlo estimates.
+const PATHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
+/// Surface points on which extraction is timed.
+const TIMED_POINTS: usize = 4096;
+/// Samples that a network predicts at a time.
+const CHUNK: usize = 4096;
+
+/// One predictor on one set, or on one shape family of it.
+pub struct Row {
+    pub set: String,
+    /// `None` for the whole set.
+    pub class: Option<ShapeClass>,
+    pub predictor: String,
+    /// Paths; 0 for a network.
+    pub spp: u32,
+    /// Processor time a sample, one point in one channel; a network's includes its stencils.
+    pub microseconds: f64,
+    pub samples: u64,
+    pub rmse: f64,
+    pub bias: f64,
+    pub p95: f64,
+    /// Mean CIEDE2000, relative to the print's white, the labels' noise included.
+    pub delta_e: f64,
+}
+
+/// Adds a row for every predictor and shape family.
+pub fn measure(
+    name: &str,
+    set: &LabelledSet,
+    white: [f64; 3],
+    candidates: &[Candidate],
+    rows: &mut Vec<Row>,
+    control: &Control<'_>,
+) -> Result<(), Error> {
+    let header = set.header();
+    let boundary = Boundary::with_index(header.recipe.refractive_index)?;
+    let sampler = Sampler::new(&header.recipe, &header.split, &header.materials, boundary)?;
+    let volumes = volumes(set);
+    let extraction = extraction(&sampler, volumes.first().map_or(0, |v| v.0), control)?;
+    for candidate in candidates {
+        let mut inference = candidate.inference()?;
+        let mut predicted = vec![0.0; set.len()];
+        let mut stencils = vec![0.0; CHUNK * STENCIL_VALUES];
+        let mut spent = 0.0;
+        for (chunk, out) in predicted.chunks_mut(CHUNK).enumerate() {
+            control.check()?;
+            let stencils = &mut stencils[..out.len() * STENCIL_VALUES];
+            set.stencils(chunk * CHUNK, stencils);
+            let start = seconds();
+            inference.radiance(stencils, out)?;
+            spent += seconds() - start;
+        }
+        let time = 1e6 * (spent / set.len() as f64 + extraction);
+        judge(name, set, white, (&candidate.name, 0, time), &predicted, rows)?;
+    }
+    let mut predicted = PATHS.map(|_| vec![0.0; set.len()]);
+    let mut spent = [0.0; PATHS.len()];
+    for (volume, samples) in volumes {
+        let grid = sampler.grid(volume)?;
+        let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
+        let traced = Volume::new(&grid, &surface, control)?;
+        let points = samples
+            .clone()
+            .step_by(set.channels())
+            .map(|i| surface.index_of(set.voxel(i)).ok_or("a labelled voxel is not on the surface"))
+            .collect::<Result<Vec<u32>, _>>()?;
+        for ((spp, out), spent) in PATHS.iter().zip(&mut predicted).zip(&mut spent) {
+            let options = TraceOptions { spp: *spp, seed: u64::from(volume), boundary, ..Default::default() };
+            let tracer = Tracer::new(&traced, sampler.materials(), options)?;
+            let start = seconds();
+            // Other paths than the labels', which are iterations 0 and 1 of other seeds.
+            tracer.radiance(&points, 2, &mut out[samples.clone()], control)?;
+            *spent += seconds() - start;
+        }
+    }
+    for ((spp, predicted), spent) in PATHS.iter().zip(&predicted).zip(spent) {
+        let time = 1e6 * spent / set.len() as f64;
+        judge(name, set, white, (&format!("Monte Carlo, {spp} paths"), *spp, time), predicted, rows)?;
+    }
+    Ok(())
+}
+
+/// Runs of samples of one volume.
+fn volumes(set: &LabelledSet) -> Vec<(u32, Range<usize>)> {
+    let mut runs: Vec<(u32, Range<usize>)> = Vec::new();
+    for i in 0..set.len() {
+        match runs.last_mut() {
+            Some((volume, run)) if *volume == set.volume(i) => run.end = i + 1,
+            _ => runs.push((set.volume(i), i..i + 1)),
+        }
+    }
+    runs
+}
+
+/// Processor seconds that the stencil of one sample takes, of neighbouring surface points.
+fn extraction(sampler: &Sampler, volume: u32, control: &Control<'_>) -> Result<f64, Error> {
+    let grid = sampler.grid(volume)?;
+    let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
+    let sat = CountSat::build(&grid, sampler.materials().len(), control)?;
+    let stencils = Stencils::new(StencilSpec::paper(), &grid, &sat)?;
+    let coefficients = Coefficients::all(sampler.materials(), Features::ScatterAbsorb)?;
+    let order = near_order(surface.voxels());
+    let points: Vec<[u32; 3]> =
+        order.iter().take(TIMED_POINTS).map(|&i| surface.voxels()[i as usize]).collect();
+    let mut out = vec![0.0; points.len() * coefficients.values_per_point(stencils.spec())];
+    let start = seconds();
+    stencils.extract(&coefficients, &points, &mut out, control)?;
+    Ok((seconds() - start) / (points.len() * sampler.channels()).max(1) as f64)
+}
+
+fn judge(
+    name: &str,
+    set: &LabelledSet,
+    white: [f64; 3],
+    (predictor, spp, microseconds): (&str, u32, f64),
+    predicted: &[f32],
+    rows: &mut Vec<Row>,
+) -> Result<(), Error> {
+    let mut families: BTreeMap<String, (ShapeClass, Vec<usize>)> = BTreeMap::new();
+    for i in 0..set.len() {
+        let class = set.class(i);
+        families.entry(format!("{class:?}")).or_insert_with(|| (class, Vec::new())).1.push(i);
+    }
+    let parts = families.into_values().map(|(class, samples)| (Some(class), samples));
+    for (class, samples) in std::iter::once((None, (0..set.len()).collect())).chain(parts) {
+        let pick = |from: &[f32]| samples.iter().map(|&i| from[i]).collect::<Vec<_>>();
+        let (ours, labels) = (pick(predicted), pick(set.radiance()));
+        let score = Score::new(&ours, &labels, &pick(set.std_error()))?;
+        rows.push(Row {
+            set: name.to_owned(),
+            class,
+            predictor: predictor.to_owned(),
+            spp,
+            microseconds,
+            samples: score.samples,
+            rmse: score.rmse,
+            bias: score.bias,
+            p95: score.p95,
+            delta_e: delta_e(&ours, &labels, white)?,
+        });
+    }
+    Ok(())
+}
+
+/// Mean CIEDE2000 of samples in threes, R, G, B.
+fn delta_e(a: &[f32], b: &[f32], white: [f64; 3]) -> Result<f64, Error> {
+    let lab = |values: &[f32]| {
+        let rgb: Vec<[f32; 3]> = values
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|rgb| std::array::from_fn(|c| rgb[c] / white[c] as f32))
+            .collect();
+        let mut lab = vec![[0.0; 3]; rgb.len()];
+        lab_of_linear_rgb(&rgb, &mut lab);
+        lab
+    };
+    let mut differences = vec![0.0; a.len() / 3];
+    delta_e_2000_of(&lab(a), &lab(b), &mut differences);
+    Ok(f64::from(DeltaEStats::of(&differences)?.mean))
+}
