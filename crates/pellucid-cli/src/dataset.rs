@@ -1,6 +1,6 @@
 //! `pellucid dataset`: files of labelled points.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -69,7 +69,7 @@ fn parse_shard(text: &str) -> Result<Shard, String> {
 pub fn run(command: &Command, cancel: &AtomicBool) -> Result<(), Failure> {
     let done = match command {
         Command::Generate(args) => generate(args, cancel),
-        Command::Info(args) => args.files.iter().try_for_each(info),
+        Command::Info(args) => args.files.iter().try_for_each(|file| info(file)),
         Command::Verify(args) => args.files.iter().try_for_each(|file| {
             let volumes =
                 with_bar(cancel, |control| dataset::verify(file, args.volumes, args.seed, control))?;
@@ -104,7 +104,7 @@ fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), DatasetError
     Ok(())
 }
 
-fn info(file: &PathBuf) -> Result<(), DatasetError> {
+fn info(file: &Path) -> Result<(), DatasetError> {
     let info = dataset::info(file)?;
     let Shard { index, count } = info.header.shard;
     println!(

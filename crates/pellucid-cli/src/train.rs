@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use pellucid::dataset::samples::{Labels, Sampler};
+use pellucid::dataset::generate::labels_of;
+use pellucid::dataset::samples::Sampler;
 use pellucid::dataset::{Recipe, Stream, StreamOptions};
 use pellucid::rpnn::file::{Provenance, save};
 use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
@@ -273,7 +274,7 @@ pub fn read_recipe(path: &Path) -> Result<Recipe, Error> {
     Ok(recipe)
 }
 
-/// Labels a split with its own numbers of volumes, points and paths.
+/// Labels a split as it asks for: its numbers of volumes and points, its paths or standard error.
 fn labelled(
     recipe: &Recipe,
     split: &str,
@@ -282,10 +283,11 @@ fn labelled(
     control: &Control<'_>,
 ) -> Result<Set, Error> {
     let sampler = Sampler::new(recipe, split, materials, boundary)?;
-    let (volumes, points, spp) = (sampler.split().volumes, sampler.split().points, sampler.split().spp);
+    let (volumes, points, labels) =
+        (sampler.split().volumes, sampler.split().points, labels_of(sampler.split()));
     let made = (0..volumes)
         .into_par_iter()
-        .map(|volume| sampler.samples(volume, points, Labels::Paths(spp), control))
+        .map(|volume| sampler.samples(volume, points, labels, control))
         .collect::<Result<Vec<_>, _>>()?;
     Ok(Set {
         stencils: made.iter().flat_map(|s| s.stencils.iter().map(|v| v.to_f32())).collect(),

@@ -81,6 +81,22 @@ impl StreamOptions {
 /// A background thread makes the next block while the current window is used; three blocks are in memory at
 /// the most. Stencils are kept as f16, 4860 bytes a sample. The split's own numbers of volumes, points and
 /// paths do not bound a stream; its volumes go on to number 2^32.
+///
+/// ```
+/// use pellucid_dataset::{Recipe, STENCIL_VALUES, Stream, StreamOptions};
+/// use pellucid_voxel::{Control, MaterialTable};
+/// let recipe: Recipe = serde_json::from_str(
+///     r#"{"name": "tiny", "seed": 1, "pitch": [0.0423, 0.0847, 0.027], "size_mm": [1.0, 1.5], "large_mm": 1.5,
+///     "large_share": 0.0, "refractive_index": 1.5, "splits": [{"name": "train", "volumes": 8, "points": 8,
+///     "spp": 8, "density": 1.0, "shapes": [["sphere", 1.0], ["slab", 1.0]]}]}"#,
+/// )
+/// .unwrap();
+/// let options = StreamOptions { batch: 16, window: 2, points: 8, spp: 8, ..StreamOptions::default() };
+/// let mut stream = Stream::new(&recipe, "train", &MaterialTable::cmykw(), options).unwrap();
+/// let (mut stencils, mut radiance) = (vec![0.0; 16 * STENCIL_VALUES], vec![0.0; 16]);
+/// stream.batch(3, &mut stencils, &mut radiance, &Control::none()).unwrap();
+/// assert!(radiance.iter().all(|l| (0.0..=1.0).contains(l)));
+/// ```
 pub struct Stream {
     options: StreamOptions,
     /// Samples a block, and so a window.
