@@ -15,3 +15,20 @@ pub fn seconds() -> f64 {
     }
     if total > 0 { total as f64 * 1e-9 } else { START.with(|s| s.elapsed().as_secs_f64()) }
 }
+
+/// Shortest time that is trusted: the system counts in ticks of some milliseconds.
+const LONG_ENOUGH: f64 = 0.4;
+
+/// Repeats work until it has taken long enough to be measured; its result and the seconds of one run.
+pub fn time<T, E>(mut work: impl FnMut() -> Result<T, E>) -> Result<(T, f64), E> {
+    let start = seconds();
+    let mut runs = 0.0;
+    loop {
+        let result = work()?;
+        runs += 1.0;
+        let passed = seconds() - start;
+        if passed >= LONG_ENOUGH {
+            return Ok((result, passed / runs));
+        }
+    }
+}

@@ -13,7 +13,7 @@ use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
 
 use super::{Candidate, Error};
-use crate::stopwatch::seconds;
+use crate::stopwatch::{seconds, time};
 
 /// Paths a point and channel of the Monte Carlo estimates.
 const PATHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
@@ -120,9 +120,8 @@ fn extraction(sampler: &Sampler, volume: u32, control: &Control<'_>) -> Result<f
     let points: Vec<[u32; 3]> =
         order.iter().take(TIMED_POINTS).map(|&i| surface.voxels()[i as usize]).collect();
     let mut out = vec![0.0; points.len() * coefficients.values_per_point(stencils.spec())];
-    let start = seconds();
-    stencils.extract(&coefficients, &points, &mut out, control)?;
-    Ok((seconds() - start) / (points.len() * sampler.channels()).max(1) as f64)
+    let (_, spent) = time(|| stencils.extract(&coefficients, &points, &mut out, control))?;
+    Ok(spent / (points.len() * sampler.channels()).max(1) as f64)
 }
 
 fn judge(

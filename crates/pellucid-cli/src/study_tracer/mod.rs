@@ -12,7 +12,7 @@ use pellucid::trace::{AssistOptions, ErrorTarget, TraceOptions, Tracer};
 use pellucid::voxel::{Control, LabelGrid, MaterialTable};
 
 use crate::Failure;
-use crate::stopwatch::seconds;
+use crate::stopwatch::time;
 use scenes::{Scene, ball, scene, solid};
 
 /// Error against run time of the path tracer's estimators, and its speed beside Mitsuba's
@@ -72,9 +72,8 @@ fn measure(
         let spp = 1 << exponent;
         let tracer = tracer(spp)?;
         let mut l = vec![0.0; count];
-        let start = seconds();
-        tracer.radiance(&judged, 0, &mut l, control)?;
-        let microseconds = (seconds() - start) * 1e6 / count as f64;
+        let (_, spent) = time(|| tracer.radiance(&judged, 0, &mut l, control))?;
+        let microseconds = spent * 1e6 / count as f64;
         let (rmse, bias) = errors(&l);
         rows.push(Row {
             scene: scene.name,
@@ -86,9 +85,9 @@ fn measure(
         });
         if exponent <= 8 {
             let mut all = vec![0.0; scene.patch.len() * n];
-            let start = seconds();
-            tracer.radiance_assisted(&scene.patch, 0, &AssistOptions::default(), &mut all, control)?;
-            let microseconds = (seconds() - start) * 1e6 / all.len() as f64;
+            let options = AssistOptions::default();
+            let (_, spent) = time(|| tracer.radiance_assisted(&scene.patch, 0, &options, &mut all, control))?;
+            let microseconds = spent * 1e6 / all.len() as f64;
             let some: Vec<f32> =
                 scene.judged.iter().flat_map(|&i| all[i * n..(i + 1) * n].iter().copied()).collect();
             let (rmse, bias) = errors(&some);
@@ -104,10 +103,10 @@ fn measure(
     }
     for std_error in [0.08f32, 0.04, 0.02, 0.01] {
         let (mut l, mut e) = (vec![0.0; count], vec![0.0; count]);
-        let start = seconds();
         let target = ErrorTarget { std_error, max_spp: 1 << 16 };
-        let paths = tracer(1)?.radiance_to(&judged, 0, target, &mut l, &mut e, control)?;
-        let microseconds = (seconds() - start) * 1e6 / count as f64;
+        let tracer = tracer(1)?;
+        let (paths, spent) = time(|| tracer.radiance_to(&judged, 0, target, &mut l, &mut e, control))?;
+        let microseconds = spent * 1e6 / count as f64;
         let (rmse, bias) = errors(&l);
         let spp = paths as f64 / count as f64;
         rows.push(Row { scene: scene.name, estimator: "adaptive", spp, microseconds, rmse, bias });
