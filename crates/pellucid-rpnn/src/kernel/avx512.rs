@@ -4,7 +4,8 @@
 use std::arch::x86_64::*;
 
 use super::{Add, Finish, Left, Matrix, PANEL, Packed, TILE_ROWS, Target, Words, pack};
-use crate::{Precision, transform};
+use crate::adamw::Update;
+use crate::{Precision, adamw, transform};
 
 /// Proof that this machine has the instructions used here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,10 +33,10 @@ impl Proof {
 
 /// Defines a safe function that runs a plain one compiled for AVX-512.
 macro_rules! compiled_for_avx512 {
-    ($module:ident::$name:ident($($arg:ident: $type:ty),*)) => {
-        pub(super) fn $name(_: Proof, $($arg: $type),*) {
+    ($module:ident::$name:ident($($arg:ident: $type:ty),*) $(-> $out:ty)?) => {
+        pub(super) fn $name(_: Proof, $($arg: $type),*) $(-> $out)? {
             #[target_feature(enable = "avx512f,avx512bw,avx512vl,fma")]
-            fn compiled($($arg: $type),*) {
+            fn compiled($($arg: $type),*) $(-> $out)? {
                 $module::$name($($arg),*)
             }
             // SAFETY: the proof says that the machine has these features.
@@ -48,6 +49,16 @@ compiled_for_avx512!(pack::pack_right(right: Matrix<'_>, packed: &mut Packed));
 compiled_for_avx512!(pack::pack_left(left: Matrix<'_>, words: &mut [u32]));
 compiled_for_avx512!(pack::add_rows(values: &[f32], sums: &mut [f32]));
 compiled_for_avx512!(transform::log_features(level: &mut [f32], scale: f32));
+
+compiled_for_avx512!(adamw::sum_of_squares(values: &[f32]) -> f64);
+compiled_for_avx512!(adamw::update(
+    u: Update,
+    parameters: &mut [f32],
+    gradient: &[f32],
+    first: &mut [f32],
+    second: &mut [f32],
+    average: &mut [f32]
+));
 
 /// `target = left right`, finished.
 pub(super) fn product(proof: Proof, target: Target<'_>, left: Left<'_>, right: &Packed) {

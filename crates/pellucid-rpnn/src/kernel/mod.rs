@@ -12,7 +12,8 @@ mod portable;
 #[cfg(test)]
 mod tests;
 
-use crate::{Precision, transform};
+use crate::adamw::Update;
+use crate::{Precision, adamw, transform};
 
 pub(crate) use pack::Matrix;
 
@@ -163,6 +164,31 @@ pub(crate) fn log_features(level: &mut [f32], scale: f32) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::log_features(proof, level, scale),
         Form::Portable => transform::log_features(level, scale),
+    }
+}
+
+/// [`adamw::update`] in the machine's form.
+pub(crate) fn update(
+    update: Update,
+    parameters: &mut [f32],
+    gradient: &[f32],
+    first: &mut [f32],
+    second: &mut [f32],
+    average: &mut [f32],
+) {
+    match Form::detect() {
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx512(proof) => avx512::update(proof, update, parameters, gradient, first, second, average),
+        Form::Portable => adamw::update(update, parameters, gradient, first, second, average),
+    }
+}
+
+/// [`adamw::sum_of_squares`] in the machine's form.
+pub(crate) fn sum_of_squares(values: &[f32]) -> f64 {
+    match Form::detect() {
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx512(proof) => avx512::sum_of_squares(proof, values),
+        Form::Portable => adamw::sum_of_squares(values),
     }
 }
 
