@@ -20,6 +20,13 @@ pub enum PrintError {
     /// Light transport failed.
     #[error(transparent)]
     Trace(#[from] pellucid_trace::TraceError),
+    /// The network's weights could not be read.
+    #[cfg(feature = "rpnn")]
+    #[error(transparent)]
+    Rpnn(#[from] pellucid_rpnn::RpnnError),
+    /// The predictor does not fit the job.
+    #[error(transparent)]
+    Predict(#[from] pellucid_refine::PredictError),
     /// Refinement failed.
     #[error(transparent)]
     Refine(#[from] pellucid_refine::RefineError),

@@ -9,7 +9,7 @@ use pellucid_color::mixture::table::DEFAULT_NODES;
 use pellucid_color::{Gamut, MatchOptions, MixtureModel};
 use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
 use pellucid_mesh::{MeshReport, Model, surface_colors};
-use pellucid_refine::{GamutInk, RefineInput, refine};
+use pellucid_refine::{AppearancePredictor, GamutInk, RefineInput, refine};
 use pellucid_trace::TraceOptions;
 use pellucid_voxel::{
     Control, LabelGrid, NearestSurface, Surface, SurfaceOptions, VoxelError, local_thickness_mm,
@@ -20,6 +20,8 @@ use rayon::prelude::*;
 use crate::clock::Clock;
 use crate::evaluate::{self, Judge};
 use crate::predictor::MonteCarlo;
+#[cfg(feature = "weights")]
+use crate::predictor::Rpnn;
 use crate::proof::{View, Visibility};
 use crate::report::{Report, StageTime, Thinness};
 use crate::stage::{Observer, Stage};
@@ -72,6 +74,32 @@ pub struct ProofView {
     pub name: String,
     /// Target, unrefined and refined appearance.
     pub pictures: [crate::proof::Picture; 3],
+}
+
+/// The loop's predictor.
+enum Predictor {
+    MonteCarlo(MonteCarlo),
+    #[cfg(feature = "weights")]
+    Rpnn(Rpnn),
+}
+
+impl Predictor {
+    fn as_dyn(&mut self) -> &mut dyn AppearancePredictor {
+        match self {
+            Self::MonteCarlo(predictor) => predictor,
+            #[cfg(feature = "weights")]
+            Self::Rpnn(predictor) => predictor,
+        }
+    }
+
+    /// Predictions of the last call that the predictor was not made for.
+    fn outside_training(&self) -> u64 {
+        match self {
+            Self::MonteCarlo(_) => 0,
+            #[cfg(feature = "weights")]
+            Self::Rpnn(predictor) => predictor.outside_training(),
+        }
+    }
 }
 
 impl PrintJob {
@@ -169,7 +197,13 @@ impl PrintJob {
             aim: &aim,
         };
         let refined =
-            clock.run(Stage::Refine, |c| refine(&mut grid, &input, &mut predictor, &s.refine, c))?;
+            clock.run(Stage::Refine, |c| refine(&mut grid, &input, predictor.as_dyn(), &s.refine, c))?;
+        let outside = predictor.outside_training();
+        if outside > 0 {
+            clock.warn(&format!(
+                "{outside} predictions have coefficients around them that the network was not trained for"
+            ));
+        }
         let (unrefined, refinement) = (refined.unrefined, refined.report);
         drop(nearest);
         let evaluation = clock.run(Stage::Evaluate, |c| {
@@ -186,6 +220,7 @@ impl PrintJob {
             printer: s.target.name().to_owned(),
             predictor: s.predictor.name().to_owned(),
             spp: s.spp,
+            outside_training: outside,
             seed: s.seed,
             refractive_index: s.boundary.index(),
             media_white: media_white.rgb(),
@@ -232,15 +267,27 @@ impl PrintJob {
             .collect()
     }
 
-    fn predictor(&self) -> Result<MonteCarlo, PrintError> {
+    fn predictor(&self) -> Result<Predictor, PrintError> {
         let s = &self.settings;
         match s.predictor {
-            PredictorKind::MonteCarlo => Ok(MonteCarlo::new(TraceOptions {
+            PredictorKind::MonteCarlo => Ok(Predictor::MonteCarlo(MonteCarlo::new(TraceOptions {
                 spp: s.spp,
                 seed: s.seed,
                 boundary: s.boundary,
                 ..TraceOptions::default()
-            })?),
+            })?)),
+            #[cfg(feature = "weights")]
+            PredictorKind::Rpnn => {
+                let network = Rpnn::shipped()?;
+                network.check(s.boundary.index(), s.target.pitch())?;
+                Ok(Predictor::Rpnn(network))
+            }
+            #[cfg(not(feature = "weights"))]
+            PredictorKind::Rpnn => Err(VoxelError::unsupported(
+                "predictor",
+                "this build carries no network weights; build it with the feature \"weights\"",
+            )
+            .into()),
         }
     }
 

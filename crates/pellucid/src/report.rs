@@ -74,6 +74,9 @@ pub struct Report {
     pub predictor: String,
     /// Paths a point and channel in each iteration of the loop.
     pub spp: u32,
+    /// Predictions (surface voxels times channels) of the last iteration around which coefficients lie outside
+    /// what the network was trained for; 0 with the path tracer.
+    pub outside_training: u64,
     /// Seed of everything random.
     pub seed: u64,
     /// Refractive index of the boundary.

@@ -12,6 +12,8 @@ use pellucid_voxel::{MaterialTable, VoxelError};
 pub enum PredictorKind {
     /// Monte Carlo path tracing.
     MonteCarlo,
+    /// The radiance-predicting neural network with the weights that the library carries (feature `weights`).
+    Rpnn,
 }
 
 impl PredictorKind {
@@ -19,6 +21,7 @@ impl PredictorKind {
     pub fn name(self) -> &'static str {
         match self {
             Self::MonteCarlo => "mc",
+            Self::Rpnn => "rpnn",
         }
     }
 }
