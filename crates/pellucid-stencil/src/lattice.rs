@@ -5,8 +5,8 @@
 //! a tile, and a bar that several corners in a row have behind them (only constant tiles lie
 //! between) is summed once for all of those.
 //!
-//! A corner's cluster of voxel corners has two along each axis, in one tile ([`Part::Pair`]) or,
-//! from the last place of the tile, in two: such points are summed part by part.
+//! A corner's cluster of voxel corners has two along each axis. From the last place of a tile the
+//! second lies in the next tile: it is left out here and added by a lattice of the next tiles.
 
 use pellucid_voxel::TILE;
 use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, Lanes, TileRecord, TileTables};
@@ -42,22 +42,11 @@ impl Member {
     }
 }
 
-/// Which voxel corners of a cluster are summed, along one axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// Both.
-    Pair,
-    /// The first, at the last place of its tile.
-    First,
-    /// The second, at the first place of the next tile.
-    Second,
-}
-
-/// Where one part of the clusters of one corner lies, along one axis.
+/// Where one corner's clusters lie along one axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Site {
     tile: u32,
-    /// The place in the tile, where it is not the point's own and the next one.
+    /// The one place counted, where it is not the point's own with the next one.
     single: Option<u8>,
     /// Beyond the table both voxel corners count what its end counts.
     doubled: bool,
@@ -76,14 +65,8 @@ impl Site {
     pub fn local(&self, place: u8) -> (usize, usize) {
         match self.single {
             Some(single) => (single.into(), 1),
-            None => (place.into(), 2),
+            None => (place.into(), if usize::from(place) == INNER { 1 } else { 2 }),
         }
-    }
-
-    /// How often all that is counted doubles.
-    #[inline(always)]
-    pub fn doublings(&self) -> u32 {
-        self.doubled.into()
     }
 
     /// False at the first place of a tile alone, where bars and counts within the tile are none.
@@ -92,10 +75,9 @@ impl Site {
         self.single != Some(0)
     }
 
-    /// Voxel corners summed.
-    #[inline(always)]
-    pub fn count(&self) -> u32 {
-        if self.single.is_some() { 1 } else { 2 }
+    /// How often all that is counted counts.
+    fn times(&self, place: u8) -> u32 {
+        if self.doubled && usize::from(place) != INNER { 2 } else { 1 }
     }
 
     /// Voxels of the tile before each voxel corner, added.
@@ -137,22 +119,16 @@ impl Corners {
         self.tiles.len() + usize::from(self.lead)
     }
 
-    fn sites(&self, part: Part, size: u32, dim: usize) -> Vec<Site> {
+    /// Where the corners' clusters lie, or what of them lies in the next tiles.
+    fn sites(&self, next: bool, size: u32, dim: usize) -> Vec<Site> {
         let last = dim as i64 - 1;
         let site = |tile: i64| {
-            let (at, single) = match part {
-                Part::Pair => (tile, None),
-                Part::First => (tile, Some(INNER as u8)),
-                Part::Second => (tile + 1, Some(0)),
-            };
-            let inside = |tile: i64| (i64::from(size) - tile * TILE as i64).clamp(0, TILE as i64) as u8;
-            if at <= last {
-                Site { tile: at as u32, single, doubled: false, inside: inside(at) }
-            } else {
-                // The table's last place lies past the grid.
-                let doubled = part == Part::Pair;
-                Site { tile: last as u32, single: Some(INNER as u8), doubled, inside: inside(last) }
-            }
+            let tile = tile + i64::from(next);
+            let at = tile.min(last);
+            let inside = (i64::from(size) - at * TILE as i64).clamp(0, TILE as i64) as u8;
+            // The table's last place lies past the grid.
+            let single = if tile > last { Some(INNER as u8) } else { next.then_some(0) };
+            Site { tile: at as u32, single, doubled: tile > last && !next, inside }
         };
         self.tiles.iter().map(|&tile| site(tile)).collect()
     }
@@ -172,7 +148,7 @@ pub(crate) struct Corner<'a> {
     pub regular: bool,
 }
 
-/// One part of the clusters of all corners of a group of points.
+/// All corners of a group of points, or of those that reach into the next tiles.
 pub(crate) struct Lattice<'a> {
     pub sites: [Vec<Site>; 3],
     /// Ordered `[z][y][x]`.
@@ -186,10 +162,10 @@ pub(crate) const fn across(axis: usize) -> (usize, usize) {
 }
 
 impl<'a> Lattice<'a> {
-    /// Finds what the corners look up.
-    pub fn new(tables: &'a CountTables, size: [u32; 3], axes: &[Corners; 3], parts: [Part; 3]) -> Self {
+    /// Finds what the corners look up, in the next tiles along the axes whose bit is set in `next`.
+    pub fn new(tables: &'a CountTables, size: [u32; 3], axes: &[Corners; 3], next: u8) -> Self {
         let sites: [Vec<Site>; 3] =
-            std::array::from_fn(|a| axes[a].sites(parts[a], size[a], tables.dims()[a]));
+            std::array::from_fn(|a| axes[a].sites(next >> a & 1 == 1, size[a], tables.dims()[a]));
         let n: [usize; 3] = std::array::from_fn(|a| sites[a].len());
         let (strides, dims) = ([1, n[0], n[0] * n[1]], tables.strides());
         let mut corners: Vec<Corner> = Vec::with_capacity(n[0] * n[1] * n[2]);
@@ -200,9 +176,7 @@ impl<'a> Lattice<'a> {
                     let at: usize = (0..3).map(|a| sites[a][c[a]].tile as usize * dims[a]).sum();
                     let record = &tables.records()[at];
                     let repeats = std::array::from_fn(|a| {
-                        c[a] > 0
-                            && !sites[a][c[a]].doubled
-                            && corners[corners.len() - strides[a]].record.behind[a] == record.behind[a]
+                        c[a] > 0 && corners[corners.len() - strides[a]].record.behind[a] == record.behind[a]
                     });
                     let behind =
                         |a: usize| (record.behind[a] != 0).then(|| &tables.table(record.behind[a]).bars[a]);
@@ -250,11 +224,23 @@ pub(crate) struct Looks {
     pub locals: Vec<LocalAt>,
     /// For each point, what a voxel line behind along each axis, and a full tile, count.
     pub weights: Vec<[u32; 4]>,
+    /// For each point, how often its lines and bars along each axis, and its local counts, count.
+    pub scales: Vec<Scales>,
+}
+
+/// How often sums count at a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scales {
+    pub lines: [u32; 3],
+    pub bars: [u32; 3],
+    pub local: u32,
 }
 
 /// The places of a group of points and what they have in common.
 pub(crate) struct Places {
     pub places: Vec<[u8; 3]>,
+    /// How many of them, the first ones, do not reach into a next tile.
+    pub whole: usize,
     /// Per axis, the places that some point has.
     pub used: [u16; 3],
     /// Per axis, the different pairs of places across.
@@ -283,7 +269,8 @@ impl Places {
                 })
                 .collect()
         });
-        Self { places, used, pairs, pair }
+        let whole = members.iter().take_while(|m| m.split() == 0).count();
+        Self { places, whole, used, pairs, pair }
     }
 
     /// How many different pairs there are across an axis.
@@ -305,6 +292,7 @@ impl Places {
         }
         looks.locals.clear();
         looks.weights.clear();
+        looks.scales.clear();
         for place in &self.places {
             let local: [(usize, usize); 3] = std::array::from_fn(|a| sites[a].local(place[a]));
             let [x, y, z] = local.map(|(l, _)| l);
@@ -312,9 +300,13 @@ impl Places {
                 entry: ((z * INNER + y) * INNER + x) as u16,
                 axes: local.map(|(l, n)| ones(l, n).map(|on| on as u8)),
             });
+            let all: u32 = (0..3).map(|a| sites[a].times(place[a])).product();
             let [bx, by, bz] = std::array::from_fn(|a| sites[a].before(place[a]));
-            let [nx, ny, nz] = local.map(|(_, n)| n as u32);
-            looks.weights.push([nx * by * bz, ny * bx * bz, nz * bx * by, bx * by * bz]);
+            let [nx, ny, nz] = local.map(|(_, n)| all * n as u32);
+            looks.weights.push([nx * by * bz, ny * bx * bz, nz * bx * by, all * bx * by * bz]);
+            let [x, y, z] = local.map(|(_, n)| n as u32);
+            let lines = [all * y * z, all * x * z, all * x * y];
+            looks.scales.push(Scales { lines, bars: [nx, ny, nz], local: all });
         }
     }
 }

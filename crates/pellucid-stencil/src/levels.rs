@@ -15,7 +15,7 @@ use pellucid_voxel::{AIR, TILE, Tile};
 use crate::Stencils;
 use crate::axis::{Axis, Extent};
 use crate::kernel::{Cells, Pass, Plane, Sums};
-use crate::lattice::{Corners, Lattice, Member, Part, Places};
+use crate::lattice::{Corners, Member};
 use crate::window::Window;
 
 /// What an entry of a window costs to make, and a corner to look up, in the same unit.
@@ -115,12 +115,14 @@ impl Stencils<'_> {
         let (points, rows) = (std::mem::take(&mut work.points), std::mem::take(&mut work.rows));
         let mut members: Vec<Member> =
             points.iter().enumerate().map(|(i, &p)| Member::new(p, i, self.spec.cells(), edge)).collect();
+        // In a tile, points that reach into no next one come first.
         members.sort_unstable_by_key(|m| {
-            (m.tile[2], m.tile[1], m.tile[0], m.split(), m.place[2], m.place[1], m.place[0])
+            let [x, y, z] = m.tile;
+            (z, y, x, m.split() != 0, m.place[2], m.place[1], m.place[0])
         });
         let mut few = Vec::new();
-        for group in members.chunk_by(|a, b| (a.tile, a.split()) == (b.tile, b.split())) {
-            if group.len() < SMALL_GROUP << group[0].split().count_ones() {
+        for group in members.chunk_by(|a, b| a.tile == b.tile) {
+            if group.len() < SMALL_GROUP {
                 few.extend_from_slice(group);
                 continue;
             }
@@ -139,7 +141,7 @@ impl Stencils<'_> {
         (work.points, work.rows) = (points, rows);
     }
 
-    /// Points whose corners lie in the same tiles and are split along the same axes.
+    /// Points whose corners lie in the same tiles.
     fn with_lattice(
         &self,
         level: usize,
@@ -164,27 +166,18 @@ impl Stencils<'_> {
             return;
         };
         let axes = [x, y, z];
-        let places = Places::new(group);
-        let split = group[0].split();
         let lead = [0, 1, 2].map(|a: usize| usize::from(axes[a].lead));
         let [mx, my] = [axes[0].len(), axes[1].len()];
         for (g, tables) in groups.iter().enumerate() {
-            let pass = |second: u8| {
-                let parts = std::array::from_fn(|a| match (split >> a & 1, second >> a & 1) {
-                    (0, _) => Part::Pair,
-                    (_, 0) => Part::First,
-                    _ => Part::Second,
-                });
-                Pass::new(Lattice::new(tables, self.grid.size(), &axes, parts), &places)
-            };
-            let mut passes: Vec<Pass> = (0..8).filter(|second| second & !split == 0).map(pass).collect();
+            let mut passes: Vec<Pass> =
+                (0..8).filter_map(|next| Pass::new(tables, self.grid.size(), &axes, group, next)).collect();
             columns.clear();
             columns.resize((mx - 1) * (my - 1) * points, Sums::default());
             for k in 0..axes[2].len() - lead[2] {
                 sums.clear();
                 sums.resize(mx * my * points, Sums::default());
                 for pass in &mut passes {
-                    self.kernel.plane_sums(pass, &places, k, [lead[0], lead[1]], mx, sums);
+                    self.kernel.plane_sums(pass, points, k, [lead[0], lead[1]], mx, sums);
                 }
                 // The first plane has no cells before it, unless nothing lies there.
                 let layer = (axes[2].first_cell + k + lead[2]).checked_sub(1);

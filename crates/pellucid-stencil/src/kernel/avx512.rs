@@ -9,7 +9,7 @@ use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANE_BITS, LANES, Lan
 use super::lattice::{self, Cells, Clusters, Pass};
 use super::{Plane, Rows, Sums, each_corner, scalar};
 use crate::axis::{Position, each};
-use crate::lattice::{BarAt, LocalAt, Places, across};
+use crate::lattice::{BarAt, LocalAt, across};
 
 /// Proof that the machine runs this module's functions: made by [`Avx512::detect`] alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,14 +39,14 @@ impl Avx512 {
     pub fn plane_sums(
         self,
         pass: &mut Pass,
-        places: &Places,
+        points: usize,
         k: usize,
         lead: [usize; 2],
         width: usize,
         sums: &mut [Sums],
     ) {
         // SAFETY: as above.
-        unsafe { plane_sums_avx512(self, pass, places, k, lead, width, sums) }
+        unsafe { plane_sums_avx512(self, pass, points, k, lead, width, sums) }
     }
 
     pub fn plane_cells(self, cells: &Cells, sums: &[Sums], columns: &mut [Sums], counts: &mut [Sums]) {
@@ -78,13 +78,13 @@ fn cell_counts_avx512(nx: usize, sums: &[Sums], columns: &mut [Sums], cells: &mu
 fn plane_sums_avx512(
     proof: Avx512,
     pass: &mut Pass,
-    places: &Places,
+    points: usize,
     k: usize,
     lead: [usize; 2],
     width: usize,
     sums: &mut [Sums],
 ) {
-    lattice::plane_sums(proof, pass, places, k, lead, width, sums);
+    lattice::plane_sums(proof, pass, points, k, lead, width, sums);
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]

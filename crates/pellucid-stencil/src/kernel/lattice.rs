@@ -4,11 +4,11 @@
 //! Corner by corner for all points: what they look up lies close together, in one tile.
 
 use pellucid_voxel::TILE;
-use pellucid_voxel::sat::tables::{BAR, INNER, LANES, Lanes, TileTables};
+use pellucid_voxel::sat::tables::{BAR, CountTables, INNER, LANES, Lanes, TileTables};
 
 use super::Sums;
 use crate::axis::each;
-use crate::lattice::{BarAt, Corner, Lattice, LocalAt, Looks, Places, Site, across};
+use crate::lattice::{BarAt, Corner, Corners, Lattice, LocalAt, Looks, Member, Places, Site, across};
 
 /// How entries around a corner are summed.
 pub(super) trait Clusters: Copy {
@@ -22,9 +22,12 @@ pub(super) trait Clusters: Copy {
     fn ask_local(self, tables: &TileTables, at: &LocalAt);
 }
 
-/// One part of a group's clusters, with buffers.
+/// A lattice and the points that look it up, with buffers.
 pub(crate) struct Pass<'a> {
-    pub lattice: Lattice<'a>,
+    lattice: Lattice<'a>,
+    places: Places,
+    /// The number of each point in its group.
+    slots: Vec<u32>,
     /// Of corners in the midst of the grid.
     looks: Looks,
     /// Of one that is not.
@@ -35,7 +38,22 @@ pub(crate) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    pub fn new(lattice: Lattice<'a>, places: &Places) -> Self {
+    /// Those of `group` that reach into the next tile along the axes whose bit is set in `next`;
+    /// those of them that reach into no other come first in the group. `None` when there is none.
+    pub fn new(
+        tables: &'a CountTables,
+        size: [u32; 3],
+        axes: &[Corners; 3],
+        group: &[Member],
+        next: u8,
+    ) -> Option<Self> {
+        let slots: Vec<u32> =
+            (0..group.len() as u32).filter(|&i| group[i as usize].split() & next == next).collect();
+        if slots.is_empty() {
+            return None;
+        }
+        let members: Vec<Member> = slots.iter().map(|&i| group[i as usize]).collect();
+        let (lattice, places) = (Lattice::new(tables, size, axes, next), Places::new(&members));
         let mut looks = Looks::default();
         let regular = |a: usize| lattice.sites[a].iter().find(|s| s.regular());
         if let (Some(x), Some(y), Some(z)) = (regular(0), regular(1), regular(2)) {
@@ -44,7 +62,7 @@ impl<'a> Pass<'a> {
         let n: [usize; 3] = std::array::from_fn(|a| lattice.sites[a].len());
         let rows = [1, n[0], n[0] * n[1]];
         let bars = std::array::from_fn(|a| vec![Sums::default(); rows[a] * places.pairs(a)]);
-        Self { lattice, looks, odd: Looks::default(), bars }
+        Some(Self { lattice, places, slots, looks, odd: Looks::default(), bars })
     }
 }
 
@@ -71,14 +89,14 @@ fn wide(counts: &Lanes) -> Sums {
 pub(super) fn plane_sums(
     clusters: impl Clusters,
     pass: &mut Pass,
-    places: &Places,
+    points: usize,
     k: usize,
     lead: [usize; 2],
     width: usize,
     sums: &mut [Sums],
 ) {
-    let Pass { lattice, looks, odd, bars } = pass;
-    let points = places.places.len();
+    let Pass { lattice, places, slots, looks, odd, bars } = pass;
+    let places = &*places;
     let [nx, ny] = [lattice.sites[0].len(), lattice.sites[1].len()];
     for j in 0..ny {
         for i in 0..nx {
@@ -98,7 +116,7 @@ pub(super) fn plane_sums(
                 if !corner.repeats[a] {
                     let (u, v) = across(a);
                     let bar = corner.bars[a].filter(|_| sites[u].inner() && sites[v].inner());
-                    bar_sums(clusters, bar, sites[a].count(), &looks.bars[a], rows[a]);
+                    bar_sums(clusters, bar, &looks.bars[a], rows[a]);
                 }
                 if let Some(bar) = next.filter(|next| !next.repeats[a]).and_then(|next| next.bars[a]) {
                     for at in &looks.bars[a] {
@@ -109,7 +127,17 @@ pub(super) fn plane_sums(
             let start = ((j + lead[1]) * width + i + lead[0]) * points;
             let sums = &mut sums[start..start + points];
             let rows = [&*rows[0], &*rows[1], &*rows[2]];
-            corner_sums(clusters, [corner, next.unwrap_or(corner)], sites, places, looks, rows, sums);
+            let at = At { corner, next: next.and_then(|next| next.tables), sites, places, looks, bars: rows };
+            let lines = at.lines();
+            // The points of most groups count alike, and in order.
+            let whole = if corner.regular && slots.len() == points { places.whole } else { 0 };
+            for (p, sum) in sums[..whole].iter_mut().enumerate() {
+                *sum = plus(*sum, at.whole(clusters, &lines, p));
+            }
+            for (p, &slot) in slots.iter().enumerate().skip(whole) {
+                let sum = &mut sums[slot as usize];
+                *sum = plus(*sum, at.scaled(clusters, &lines, p));
+            }
         }
     }
 }
@@ -121,65 +149,102 @@ fn row(bars: &mut [Sums], number: usize, pairs: usize) -> &mut [Sums] {
 
 /// Sums of one bar for each pair of places.
 #[inline(always)]
-fn bar_sums(clusters: impl Clusters, bar: Option<&[Lanes; BAR]>, count: u32, at: &[BarAt], out: &mut [Sums]) {
+fn bar_sums(clusters: impl Clusters, bar: Option<&[Lanes; BAR]>, at: &[BarAt], out: &mut [Sums]) {
     match bar {
         Some(bar) => {
             for (at, out) in at.iter().zip(out) {
-                *out = times(clusters.bar(bar, at), count);
+                *out = clusters.bar(bar, at);
             }
         }
         None => out.fill(Sums::default()),
     }
 }
 
-/// Adds the sums of the first corner, one a point; asks for what the second looks up.
-#[inline(always)]
-fn corner_sums(
-    clusters: impl Clusters,
-    [corner, next]: [&Corner; 2],
-    sites: [&Site; 3],
-    places: &Places,
-    looks: &Looks,
-    bars: [&[Sums]; 3],
-    sums: &mut [Sums],
-) {
-    let record = corner.record;
-    // What a place counts along the edge of each axis.
-    let mut lines = [[Sums::default(); TILE]; 3];
-    for (a, lines) in lines.iter_mut().enumerate() {
-        let (u, v) = across(a);
-        let across = sites[u].count() * sites[v].count();
-        each(places.used[a].into(), |place| {
-            let (local, count) = sites[a].local(place as u8);
-            let mut line = wide(&record.edges[a][local & INNER]);
-            if count > 1 {
-                line = plus(line, wide(&record.edges[a][(local + 1) & INNER]));
-            }
-            lines[place & INNER] = times(line, across);
-        });
+/// What the points sum at one corner.
+struct At<'a> {
+    corner: &'a Corner<'a>,
+    /// What the next corner looks up.
+    next: Option<&'a TileTables>,
+    sites: [&'a Site; 3],
+    places: &'a Places,
+    looks: &'a Looks,
+    /// Sums of bars, one a pair of places.
+    bars: [&'a [Sums]; 3],
+}
+
+impl At<'_> {
+    /// What each place counts along the edge of each axis.
+    #[inline(always)]
+    fn lines(&self) -> [[Sums; TILE]; 3] {
+        let mut lines = [[Sums::default(); TILE]; 3];
+        for (a, lines) in lines.iter_mut().enumerate() {
+            let edges = &self.corner.record.edges[a];
+            each(self.places.used[a].into(), |place| {
+                let (local, count) = self.sites[a].local(place as u8);
+                let mut line = wide(&edges[local & INNER]);
+                if count > 1 {
+                    line = plus(line, wide(&edges[(local + 1) & INNER]));
+                }
+                lines[place & INNER] = line;
+            });
+        }
+        lines
     }
-    let doubled = sites.iter().map(|s| s.doublings()).sum::<u32>();
-    let depth = record.depth.map(|d| wide(&d));
-    let fill = wide(&record.fill);
-    let tables = corner.tables.filter(|_| sites.iter().all(|s| s.inner()));
-    let next = next.tables;
-    for (p, sum) in sums.iter_mut().enumerate() {
-        if let Some(next) = next {
-            clusters.ask_local(next, &looks.locals[p]);
+
+    #[inline(always)]
+    fn line(&self, lines: &[[Sums; TILE]; 3], axis: usize, p: usize) -> Sums {
+        lines[axis][usize::from(self.places.places[p][axis]) & INNER]
+    }
+
+    #[inline(always)]
+    fn bar(&self, axis: usize, p: usize) -> Sums {
+        self.bars[axis][usize::from(self.places.pair[axis][p])]
+    }
+
+    /// What constant tiles count.
+    #[inline(always)]
+    fn filled(&self, p: usize) -> Sums {
+        if !self.corner.filled {
+            return Sums::default();
         }
-        let place = places.places[p].map(|l| usize::from(l) & INNER);
-        let line = plus(plus(lines[0][place[0]], lines[1][place[1]]), lines[2][place[2]]);
-        let bar = |a: usize| bars[a][usize::from(places.pair[a][p])];
-        let mut total = plus(plus(line, bar(0)), plus(bar(1), bar(2)));
-        if corner.filled {
-            let [x, y, z, all] = looks.weights[p];
-            let behind = plus(times(depth[0], x), times(depth[1], y));
-            total = plus(total, plus(behind, plus(times(depth[2], z), times(fill, all))));
+        let (record, [x, y, z, all]) = (self.corner.record, self.looks.weights[p]);
+        let depth = |a: usize, by: u32| times(wide(&record.depth[a]), by);
+        plus(plus(depth(0, x), depth(1, y)), plus(depth(2, z), times(wide(&record.fill), all)))
+    }
+
+    /// What the tile itself counts, where it is mixed. Asks for what the next corner looks up.
+    #[inline(always)]
+    fn local(&self, clusters: impl Clusters, p: usize) -> Sums {
+        if let Some(next) = self.next {
+            clusters.ask_local(next, &self.looks.locals[p]);
         }
-        if let Some(tables) = tables {
-            total = plus(total, clusters.local(tables, &looks.locals[p]));
+        match self.corner.tables {
+            Some(tables) if self.sites.iter().all(|s| s.inner()) => {
+                clusters.local(tables, &self.looks.locals[p])
+            }
+            _ => Sums::default(),
         }
-        *sum = plus(*sum, std::array::from_fn(|m| total[m] << doubled));
+    }
+
+    /// The sum of a point whose cluster lies within the tile, in the midst of the grid.
+    #[inline(always)]
+    fn whole(&self, clusters: impl Clusters, lines: &[[Sums; TILE]; 3], p: usize) -> Sums {
+        let line = plus(plus(self.line(lines, 0, p), self.line(lines, 1, p)), self.line(lines, 2, p));
+        let bar = plus(plus(self.bar(0, p), self.bar(1, p)), self.bar(2, p));
+        let twice = plus(plus(line, line), bar);
+        plus(plus(twice, twice), plus(self.filled(p), self.local(clusters, p)))
+    }
+
+    /// The sum of any point.
+    #[inline(always)]
+    fn scaled(&self, clusters: impl Clusters, lines: &[[Sums; TILE]; 3], p: usize) -> Sums {
+        let scales = &self.looks.scales[p];
+        let mut sum = plus(self.filled(p), times(self.local(clusters, p), scales.local));
+        for a in 0..3 {
+            sum = plus(sum, times(self.line(lines, a, p), scales.lines[a]));
+            sum = plus(sum, times(self.bar(a, p), scales.bars[a]));
+        }
+        sum
     }
 }
 

@@ -17,7 +17,6 @@ mod wide;
 use pellucid_voxel::sat::tables::{CountTables, LANES};
 
 use crate::axis::{Axis, Set, each};
-use crate::lattice::Places;
 use crate::window;
 
 pub(crate) use lattice::{Cells, Pass};
@@ -129,16 +128,16 @@ impl Kernel {
     pub fn plane_sums(
         self,
         pass: &mut Pass,
-        places: &Places,
+        points: usize,
         k: usize,
         lead: [usize; 2],
         width: usize,
         sums: &mut [Sums],
     ) {
         match self {
-            Kernel::Scalar => lattice::plane_sums(scalar::Plain, pass, places, k, lead, width, sums),
+            Kernel::Scalar => lattice::plane_sums(scalar::Plain, pass, points, k, lead, width, sums),
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512(avx512) => avx512.plane_sums(pass, places, k, lead, width, sums),
+            Kernel::Avx512(avx512) => avx512.plane_sums(pass, points, k, lead, width, sums),
         }
     }
 
