@@ -22,6 +22,8 @@ use crate::Failure;
 const RECORD: u64 = 100;
 /// Steps between validations at the start of a run; later every checkpoint validates.
 const FIRST_VALIDATIONS: [u64; 4] = [250, 500, 1000, 2000];
+/// Length of a run until its speed is known.
+const UNPLANNED: u64 = 1 << 20;
 /// Largest recipe that is read.
 const MAX_RECIPE: u64 = 16 << 20;
 
@@ -156,23 +158,7 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let materials = MaterialTable::cmykw();
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let state = args.out.join("run.safetensors");
-    let mut trainer = if args.resume {
-        Trainer::resume(&state)?
-    } else if state.exists() {
-        return Err(format!("{} exists; --resume goes on from it", state.display()).into());
-    } else {
-        Trainer::new(TrainSettings {
-            variant: args.variant.network(),
-            steps: args.steps.unwrap_or(1 << 20),
-            peak_rate: args.rate,
-            precision: args.precision.precision(),
-            seed: args.seed,
-            ..TrainSettings::default()
-        })?
-    };
-    if let (true, Some(steps)) = (args.resume, args.steps) {
-        trainer.set_steps(steps)?;
-    }
+    let mut trainer = start_or_resume(args, &state)?;
     let split = recipe.split(&args.split)?;
     let options = StreamOptions {
         batch: trainer.settings().batch,
@@ -194,44 +180,70 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let (start, first_step) = (Instant::now(), trainer.steps_done());
     let every = Duration::from_secs_f64(60.0 * args.checkpoint.clamp(0.05, 600.0));
     let mut saved = start;
-    trainer.run(&mut source, |trainer, report| {
-        let due = saved.elapsed() >= every || trainer.finished() || cancel.load(Ordering::Relaxed);
-        let validate = due || FIRST_VALIDATIONS.contains(&report.step);
-        if validate || report.step.is_multiple_of(RECORD) {
-            let score = match &validation {
-                Some(set) if validate => {
-                    Some(trainer.validate(&set.stencils, &set.radiance, &set.std_error)?)
-                }
-                _ => None,
-            };
-            trainer.record(report, score);
-            if let Some(score) = score {
-                progress(
-                    trainer,
-                    &score,
-                    (trainer.steps_done() - first_step) as f64 / start.elapsed().as_secs_f64(),
-                );
-            }
+    let write = |trainer: &Trainer| -> Result<(), RpnnError> {
+        trainer.save(&state)?;
+        trainer.curve().write(&args.out)?;
+        save(&args.out.join("weights.safetensors"), &trainer.averaged()?, &provenance(trainer))
+    };
+    let run = trainer.run(&mut source, |trainer, report| {
+        if cancel.load(Ordering::Relaxed) {
+            return Ok(ControlFlow::Break(()));
         }
+        let due = saved.elapsed() >= every || trainer.finished();
+        let validate = due || FIRST_VALIDATIONS.contains(&report.step);
+        if !validate && !report.step.is_multiple_of(RECORD) {
+            return Ok(ControlFlow::Continue(()));
+        }
+        let score = match &validation {
+            Some(set) if validate => {
+                Some(trainer.validate(&set.stencils, &set.radiance, &set.std_error)?)
+            }
+            _ => None,
+        };
+        trainer.record(report, score);
         if due {
             saved = Instant::now();
-            if let Some(minutes) = args.minutes
-                && !trainer.finished()
-            {
+            if let Some(minutes) = args.minutes {
                 fit_length(trainer, minutes, start, first_step)?;
             }
-            trainer.save(&state)?;
-            trainer.curve().write(&args.out)?;
-            save(&args.out.join("weights.safetensors"), &trainer.averaged()?, &provenance(trainer))?;
+            write(trainer)?;
         }
-        Ok(if cancel.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
-    })?;
+        if let Some(score) = score {
+            let steps = (trainer.steps_done() - first_step) as f64;
+            progress(trainer, &score, steps / start.elapsed().as_secs_f64());
+        }
+        Ok(ControlFlow::Continue(()))
+    });
     if cancel.load(Ordering::Relaxed) {
+        write(&trainer)?;
         eprintln!("stopped after step {}; --resume goes on from there", trainer.steps_done());
-    } else {
-        println!("wrote {}", args.out.join("weights.safetensors").display());
+        return Ok(());
     }
+    run?;
+    println!("wrote {}", args.out.join("weights.safetensors").display());
     Ok(())
+}
+
+/// A new run, or the one whose state the output folder holds.
+fn start_or_resume(args: &Args, state: &Path) -> Result<Trainer, Error> {
+    if args.resume {
+        let mut trainer = Trainer::resume(state)?;
+        if let Some(steps) = args.steps {
+            trainer.set_steps(steps)?;
+        }
+        return Ok(trainer);
+    }
+    if state.exists() {
+        return Err(format!("{} exists; --resume goes on from it", state.display()).into());
+    }
+    Ok(Trainer::new(TrainSettings {
+        variant: args.variant.network(),
+        steps: args.steps.unwrap_or(UNPLANNED),
+        peak_rate: args.rate,
+        precision: args.precision.precision(),
+        seed: args.seed,
+        ..TrainSettings::default()
+    })?)
 }
 
 /// Sets the number of steps so that the run, at its mean speed so far, ends `minutes` after its start. In its
@@ -239,7 +251,7 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
 fn fit_length(trainer: &mut Trainer, minutes: f64, start: Instant, first: u64) -> Result<(), RpnnError> {
     let (passed, all) = (start.elapsed().as_secs_f64(), 60.0 * minutes);
     let done = trainer.steps_done();
-    if passed > 0.67 * all && trainer.settings().steps < 1 << 20 {
+    if trainer.finished() || passed > 0.67 * all && trainer.settings().steps < UNPLANNED {
         return Ok(());
     }
     let left = (all - passed).max(0.0) * (done - first) as f64 / passed;

@@ -173,5 +173,5 @@ fn delta_e(a: &[f32], b: &[f32], white: [f64; 3]) -> Result<f64, Error> {
     };
     let mut differences = vec![0.0; a.len() / 3];
     delta_e_2000_of(&lab(a), &lab(b), &mut differences);
-    Ok(f64::from(DeltaEStats::of(&differences)?.mean))
+    Ok(DeltaEStats::of(&differences)?.mean)
 }
