@@ -195,9 +195,7 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
             return Ok(ControlFlow::Continue(()));
         }
         let score = match &validation {
-            Some(set) if validate => {
-                Some(trainer.validate(&set.stencils, &set.radiance, &set.std_error)?)
-            }
+            Some(set) if validate => Some(trainer.validate(&set.stencils, &set.radiance, &set.std_error)?),
             _ => None,
         };
         trainer.record(report, score);

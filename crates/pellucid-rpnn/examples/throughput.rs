@@ -29,41 +29,43 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let inputs: Vec<f32> = (0..BATCH * INPUTS).map(|i| (i as f32 * 0.37).sin().max(0.0)).collect();
     let labels = vec![0.5f32; BATCH];
     println!(
-        "{:>10} {:>16} {:>16} {:>16} {:>16}",
-        "variant", "forward", "step", "candle forward", "candle step"
+        "{:>10} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
+        "variant", "f32 fwd", "f32 step", "bf16 fwd", "bf16 step", "candle fwd", "candle step"
     );
     for variant in Variant::ALL {
-        let mut weights = Weights::initial(variant, 1, 0.5);
-        let mut network = Network::new(variant, BATCH, Precision::F32)?;
-        network.load(&weights)?;
-        let mut out = vec![0.0; BATCH];
-        let forward = rate(5, || network.forward(&inputs, &mut out).expect("shapes agree"));
-        let mut adam = AdamW::new(AdamWSettings::default(), weights.values());
-        let mut gradient = vec![0.0; weights.values().len()];
-        let step = rate(5, || {
-            network.load(&weights).expect("one variant");
-            network.forward(&inputs, &mut out).expect("shapes agree");
-            let d: Vec<f32> = out.iter().zip(&labels).map(|(o, l)| 2.0 * (o - l) / BATCH as f32).collect();
-            gradient.fill(0.0);
-            network.backward(&out, &d, &mut gradient).expect("shapes agree");
-            adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
-        });
-
-        let model = CandleNetwork::new(&weights)?;
+        let mut row = Vec::new();
+        for precision in [Precision::F32, Precision::Bf16] {
+            let mut weights = Weights::initial(variant, 1, 0.5);
+            let mut network = Network::new(variant, BATCH, precision)?;
+            network.load(&weights)?;
+            let (mut out, mut d_out) = (vec![0.0; BATCH], vec![0.0; BATCH]);
+            row.push(rate(5, || network.forward(&inputs, &mut out).expect("shapes agree")));
+            let mut adam = AdamW::new(AdamWSettings::default(), weights.values());
+            let mut gradient = vec![0.0; weights.values().len()];
+            row.push(rate(5, || {
+                network.load(&weights).expect("one variant");
+                network.forward(&inputs, &mut out).expect("shapes agree");
+                for ((d, o), l) in d_out.iter_mut().zip(&out).zip(&labels) {
+                    *d = 2.0 * (o - l) / BATCH as f32;
+                }
+                gradient.fill(0.0);
+                network.backward(&out, &d_out, &mut gradient).expect("shapes agree");
+                adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
+            }));
+        }
+        let model = CandleNetwork::new(&Weights::initial(variant, 1, 0.5))?;
         let x = Tensor::from_slice(&inputs, (BATCH, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
         let y = Tensor::from_slice(&labels, BATCH, &Device::Cpu)?;
-        let candle_forward = rate(3, || drop(model.forward(&x).expect("shapes agree")));
+        row.push(rate(3, || drop(model.forward(&x).expect("shapes agree"))));
         // Without the optimiser: candle's own would only add to this.
-        let candle_step = rate(3, || {
+        row.push(rate(3, || {
             let loss = (model.forward(&x).expect("shapes agree") - &y)
                 .and_then(|d| d.sqr())
                 .and_then(|d| d.mean_all());
             drop(loss.and_then(|l| l.backward()).expect("differentiable"));
-        });
-        println!(
-            "{:>10} {forward:>16.0} {step:>16.0} {candle_forward:>16.0} {candle_step:>16.0}",
-            variant.name()
-        );
+        }));
+        let row: Vec<String> = row.iter().map(|r| format!("{r:9.0}")).collect();
+        println!("{:>10} {}", variant.name(), row.join(" "));
     }
     Ok(())
 }

@@ -23,6 +23,7 @@ pub mod error;
 pub mod file;
 pub mod inference;
 mod kernel;
+mod layers;
 pub mod network;
 #[cfg(feature = "candle")]
 pub mod reference;

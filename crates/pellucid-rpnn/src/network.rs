@@ -13,10 +13,9 @@
 //! layers; with ≡O each octant's 60 values pass the same layers and the results are summed. ReLU everywhere,
 //! the output too.
 
-use crate::kernel::{Add, Finish, Form, Matrix, Packed, Products};
-use crate::variant::{
-    Block, INPUTS, LEVEL_INPUTS, LEVELS, Layer, Layout, OCTANT_INPUTS, OCTANTS, octant_gather,
-};
+use crate::kernel::Add;
+use crate::layers::{End, Layers};
+use crate::variant::{Block, INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
 use crate::{RpnnError, Variant, Weights};
 
 /// Number format of the products; sums, weights and everything between the products are f32.
@@ -44,19 +43,6 @@ pub struct Network {
     d_state: Vec<f32>,
     d_mid: Vec<f32>,
     d_next: Vec<f32>,
-}
-
-/// Weights packed for both passes.
-#[derive(Clone, Debug)]
-struct Layers {
-    weights: Weights,
-    precision: Precision,
-    products: Products,
-    /// Each layer's matrix transposed: inputs to outputs.
-    forward: Vec<Packed>,
-    /// Each layer's matrix: derivatives by outputs to derivatives by inputs. Empty until it is needed.
-    backward: Vec<Packed>,
-    backward_is_fresh: bool,
 }
 
 /// Activations of one level, each `[batch][width]` after its ReLU.
@@ -253,122 +239,6 @@ impl Network {
 /// Rows and row width of the layers that octants share, for `n` samples.
 fn end_shape(variant: Variant, n: usize) -> (usize, usize) {
     if variant.shares_octants() { (n * OCTANTS, OCTANT_INPUTS) } else { (n, LEVEL_INPUTS) }
-}
-
-impl Layers {
-    fn new(weights: Weights, precision: Precision) -> Self {
-        let count = weights.layout().layers.len();
-        let mut layers = Self {
-            precision,
-            products: Products::new(Form::detect()),
-            forward: vec![Packed::default(); count],
-            backward: vec![Packed::default(); count],
-            backward_is_fresh: false,
-            weights,
-        };
-        layers.pack_forward();
-        layers
-    }
-
-    fn load(&mut self, weights: &Weights) {
-        self.weights.values_mut().copy_from_slice(weights.values());
-        self.backward_is_fresh = false;
-        self.pack_forward();
-    }
-
-    fn pack_forward(&mut self) {
-        for (i, packed) in self.forward.iter_mut().enumerate() {
-            let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
-            self.products.pack(matrix.t(), precision_of(self.precision, &self.weights, i), packed);
-        }
-    }
-
-    fn freshen_backward(&mut self) {
-        if self.backward_is_fresh {
-            return;
-        }
-        for (i, packed) in self.backward.iter_mut().enumerate() {
-            let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
-            self.products.pack(matrix, precision_of(self.precision, &self.weights, i), packed);
-        }
-        self.backward_is_fresh = true;
-    }
-
-    fn layer(&self, layer: usize) -> &Layer {
-        &self.weights.layout().layers[layer]
-    }
-
-    /// `out = input W^T`, finished.
-    fn product(&mut self, layer: usize, input: &[f32], out: &mut [f32], rows: usize, end: End<'_>) {
-        let layers = &self.weights.layout().layers;
-        let bias = end.bias.map(|l| &self.weights.values()[layers[l].bias.clone()]);
-        let finish = Finish { add: end.add, bias, relu: end.relu, mask: None };
-        let left = Matrix::rows(input, rows, layers[layer].inputs);
-        self.products.product(out, left, &self.forward[layer], finish);
-    }
-
-    /// `out = relu(input W^T + b)`.
-    fn dense(&mut self, layer: usize, input: &[f32], out: &mut [f32], rows: usize) {
-        self.product(layer, input, out, rows, End { add: Add::Nothing, bias: Some(layer), relu: true });
-    }
-
-    /// `d_input = d_out W + add`, zero where `mask` is not positive.
-    fn derivative(
-        &mut self,
-        layer: usize,
-        d_out: &[f32],
-        d_input: &mut [f32],
-        rows: usize,
-        add: Add<'_>,
-        mask: Option<&[f32]>,
-    ) {
-        let left = Matrix::rows(d_out, rows, self.layer(layer).outputs);
-        self.products.product(
-            d_input,
-            left,
-            &self.backward[layer],
-            Finish { add, mask, ..Finish::default() },
-        );
-    }
-
-    /// Adds the gradients of a layer's matrix and bias.
-    fn gradient(&mut self, gradient: &mut [f32], layer: usize, d_out: &[f32], input: &[f32], rows: usize) {
-        let precision = precision_of(self.precision, &self.weights, layer);
-        let Layer { inputs, outputs, weight, .. } = &self.weights.layout().layers[layer];
-        self.products.product_once(
-            &mut gradient[weight.clone()],
-            Matrix::rows(d_out, rows, *outputs).t(),
-            Matrix::rows(input, rows, *inputs),
-            precision,
-            Finish { add: Add::Output, ..Finish::default() },
-        );
-        self.bias_gradient(gradient, layer, d_out);
-    }
-
-    fn bias_gradient(&self, gradient: &mut [f32], layer: usize, d_out: &[f32]) {
-        let bias = self.layer(layer).bias.clone();
-        if !bias.is_empty() {
-            self.products.add_rows(d_out, &mut gradient[bias]);
-        }
-    }
-}
-
-/// How [`Layers::product`] ends.
-struct End<'a> {
-    add: Add<'a>,
-    /// The layer whose bias is added.
-    bias: Option<usize>,
-    relu: bool,
-}
-
-/// The last three layers take little time and their rounding errors go straight to the output.
-fn precision_of(precision: Precision, weights: &Weights, layer: usize) -> Precision {
-    if weights.layout().end.contains(&layer) { Precision::F32 } else { precision }
-}
-
-/// A layer's matrix, `[outputs][inputs]`.
-fn matrix<'a>(weights: &'a Weights, layer: &Layer) -> Matrix<'a> {
-    Matrix::rows(&weights.values()[layer.weight.clone()], layer.outputs, layer.inputs)
 }
 
 fn forward_block(
