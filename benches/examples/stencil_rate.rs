@@ -31,8 +31,9 @@ fn main() {
     let points = volumes::surface_points(&grid, limit);
     let points: Vec<_> = near_order(&points).into_iter().map(|i| points[i as usize]).collect();
     let rgb = Coefficients::all(&table, Features::ScatterAbsorb).expect("channels");
-    for threads in [1, 2] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    // Both live to the end: the time of threads that have ended would be missed.
+    let pools = [1, 2].map(|n| (n, rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool")));
+    for (threads, pool) in &pools {
         for levels in [1, 4, 5, 6, 7, 8, 9] {
             let spec = StencilSpec::new([5, 3, 9], levels).expect("a valid spec");
             let stencils = Stencils::new(spec, &grid, &sat).expect("same size");
@@ -52,7 +53,7 @@ fn main() {
             println!(
                 "{threads} threads, {levels} levels: {:.2} us of processor a point, so {:.0} points/s on {threads} cores; {:.0} points/s by the clock",
                 1e6 * processor / n,
-                threads as f64 * n / processor,
+                *threads as f64 * n / processor,
                 n / wall,
             );
         }

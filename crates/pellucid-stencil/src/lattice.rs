@@ -60,6 +60,11 @@ impl Site {
         !self.doubled && usize::from(self.inside) == TILE
     }
 
+    /// True past the table, whose end is looked up instead.
+    fn beyond(&self) -> bool {
+        self.single == Some(INNER as u8)
+    }
+
     /// The place within the tile, and how many from there on.
     #[inline(always)]
     pub fn local(&self, place: u8) -> (usize, usize) {
@@ -144,7 +149,7 @@ pub(crate) struct Corner<'a> {
     pub repeats: [bool; 3],
     /// Whether constant tiles lie behind or the tile is one.
     pub filled: bool,
-    /// Whether all its sites are.
+    /// Whether points are summed as in the midst of the grid.
     pub regular: bool,
 }
 
@@ -168,6 +173,7 @@ impl<'a> Lattice<'a> {
             std::array::from_fn(|a| axes[a].sites(next >> a & 1 == 1, size[a], tables.dims()[a]));
         let n: [usize; 3] = std::array::from_fn(|a| sites[a].len());
         let (strides, dims) = ([1, n[0], n[0] * n[1]], tables.strides());
+        let midst = sites.iter().all(|sites| sites.iter().any(Site::regular));
         let mut corners: Vec<Corner> = Vec::with_capacity(n[0] * n[1] * n[2]);
         for k in 0..n[2] {
             for j in 0..n[1] {
@@ -180,13 +186,16 @@ impl<'a> Lattice<'a> {
                     });
                     let behind =
                         |a: usize| (record.behind[a] != 0).then(|| &tables.table(record.behind[a]).bars[a]);
+                    let filled = record.fill.iter().chain(record.depth.as_flattened()).any(|&n| n > 0);
+                    let site: [&Site; 3] = std::array::from_fn(|a| &sites[a][c[a]]);
                     corners.push(Corner {
                         record,
                         tables: (record.table != 0).then(|| tables.table(record.table)),
                         bars: [behind(0), behind(1), behind(2)],
                         repeats,
-                        filled: record.fill.iter().chain(record.depth.as_flattened()).any(|&n| n > 0),
-                        regular: (0..3).all(|a| sites[a][c[a]].regular()),
+                        filled,
+                        // The grid's end cuts only what constant tiles count.
+                        regular: midst && site.iter().all(|s| s.regular() || !s.beyond() && !filled),
                     });
                 }
             }
