@@ -73,7 +73,7 @@ impl<'a> Stencils<'a> {
     /// `out`, ordered `[point][channel][level][cell z][cell y][cell x][feature]` with features
     /// sigma_s, sigma_a in 1/mm and, where asked for, occupancy. Parallel over points.
     ///
-    /// Memory beyond `out` is a few hundred kB a thread, so any number of points may be asked for;
+    /// Memory beyond `out` is some 2 MB a thread, so any number of points may be asked for;
     /// neighbouring points in one call are cheaper than scattered ones, in any order.
     ///
     /// # Errors
@@ -170,8 +170,8 @@ impl<'a> Stencils<'a> {
         )
     }
 
-    /// Sorts the points into batches of neighbours, and, from each point's first level on, hands `sink` ranges of each point's cells
-    /// over all levels with their counts, ordered `[group][cell]`, and the point's row of `out`.
+    /// Sorts the points into batches of neighbours and, from each point's first level on, hands
+    /// `sink` ranges of each point's cells over all levels with their counts, ordered `[group][cell]`, and the point's row of `out`.
     fn run<T: Send>(
         &self,
         points: &[[u32; 3]],
