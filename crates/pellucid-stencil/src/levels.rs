@@ -5,6 +5,7 @@
 //! | nothing but zeros | every box of the level lies beyond the object |
 //! | one count for all cells | the boxes meet constant tiles of one label only |
 //! | window | fine levels of points close together ([`crate::window`]) |
+//! | summed-area table, tile by tile | levels whose cells are whole tiles, several points of a tile ([`crate::lattice`]) |
 //! | summed-area table | else; corners before and past the object are not looked up |
 
 use std::ops::Range;

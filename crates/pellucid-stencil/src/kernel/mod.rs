@@ -14,7 +14,9 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
-use pellucid_voxel::sat::tables::{CountTables, LANES};
+use pellucid_voxel::sat::tables::CountTables;
+#[cfg(target_arch = "x86_64")]
+use pellucid_voxel::sat::tables::LANES;
 
 use crate::axis::{Axis, Set, each};
 use crate::window;
