@@ -118,31 +118,31 @@ pub(super) fn svg(scenes: &[(&str, &str)], rows: &[Row]) -> String {
     let colours = [("plain", "#1f77b4"), ("adaptive", "#2ca02c"), ("assisted", "#d62728")];
     for (k, (scene, _)) in scenes.iter().enumerate() {
         let left = k as f64 * width + pad;
-        // 0.1 to 1000 microseconds across, RMSE 0.003 to 0.5 down.
-        let x = |t: f64| left + (t / 0.1).log10() / 4.0 * (width - pad - 10.0);
+        // 0.1 to 10,000 microseconds across, RMSE 0.001 to 0.5 down.
+        let x = |t: f64| left + (t / 0.1).log10() / 5.0 * (width - pad - 10.0);
         let y = |e: f64| {
             height - pad + 10.0
-                - ((e.max(0.003) / 0.003).log10() / (0.5f64 / 0.003).log10()) * (height - pad - 15.0)
+                - ((e.max(0.001) / 0.001).log10() / (0.5f64 / 0.001).log10()) * (height - pad - 15.0)
         };
         let _ = writeln!(out, "<text x=\"{}\" y=\"14\" font-size=\"12\">{scene}</text>", left + 90.0);
-        for t in [0.1, 1.0, 10.0, 100.0, 1000.0] {
+        for t in [0.1, 1.0, 10.0, 100.0, 1000.0, 10_000.0] {
             let _ = writeln!(
                 out,
                 "<line x1=\"{0:.1}\" y1=\"20\" x2=\"{0:.1}\" y2=\"{1:.1}\" stroke=\"#ddd\"/><text x=\"{0:.1}\" \
                  y=\"{2:.1}\" text-anchor=\"middle\">{t}</text>",
                 x(t),
-                y(0.003),
-                y(0.003) + 14.0
+                y(0.001),
+                y(0.001) + 14.0
             );
         }
-        for e in [0.003, 0.01, 0.03, 0.1, 0.3] {
+        for e in [0.001, 0.003, 0.01, 0.03, 0.1, 0.3] {
             let _ = writeln!(
                 out,
                 "<line x1=\"{:.1}\" y1=\"{1:.1}\" x2=\"{2:.1}\" y2=\"{1:.1}\" stroke=\"#ddd\"/><text \
                  x=\"{3:.1}\" y=\"{4:.1}\" text-anchor=\"end\">{e}</text>",
                 x(0.1),
                 y(e),
-                x(1000.0),
+                x(10_000.0),
                 x(0.1) - 3.0,
                 y(e) + 3.0
             );
