@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use pellucid::mesh::voxelise::Scale;
 use pellucid::stage::{Observer, Silent, Stage};
 use pellucid::voxel::Control;
-use pellucid::{Prepared, PrintError, PrintJob, PrintSettings};
+use pellucid::{PredictorKind, Prepared, PrintError, PrintJob, PrintSettings};
 use pellucid_tests::patched_ball;
 
 fn settings(height_mm: f64) -> PrintSettings {
@@ -89,6 +89,24 @@ fn slices_do_not_depend_on_the_number_of_threads() {
     let (one, three) = (run(1), run(3));
     assert!(one.len() > 100);
     assert!(one == three);
+}
+
+#[test]
+fn the_network_refines_too_and_path_tracing_agrees_that_it_helped() {
+    let mut s = settings(4.0);
+    s.predictor = PredictorKind::Rpnn;
+    s.refine.iterations = 3;
+    let prepared = prepare(s.clone());
+    let report = prepared.report();
+    assert_eq!((report.predictor.as_str(), report.outside_training), ("rpnn", 0));
+    let e = &report.evaluation;
+    assert!(e.refined.mapped.mean < 0.9 * e.unrefined.mapped.mean, "{e:?}");
+
+    // It was trained for one boundary; another is refused before any prediction.
+    s.boundary = pellucid::trace::Boundary::Matched;
+    let job = PrintJob::new(s).unwrap();
+    let refused = job.prepare(&patched_ball(), &Silent, &AtomicBool::new(false)).err().unwrap();
+    assert!(refused.to_string().contains("refractive index"), "{refused}");
 }
 
 /// Cancels when a stage begins.
