@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod dataset;
+mod files;
 mod prepare;
 mod progress;
 mod stopwatch;

@@ -24,8 +24,6 @@ const RECORD: u64 = 100;
 const FIRST_VALIDATIONS: [u64; 4] = [250, 500, 1000, 2000];
 /// Length of a run until its speed is known.
 const UNPLANNED: u64 = 1 << 20;
-/// Largest recipe that is read.
-const MAX_RECIPE: u64 = 16 << 20;
 
 /// Trains the appearance network on procedural volumes
 #[derive(clap::Args)]
@@ -153,7 +151,7 @@ type Error = Box<dyn std::error::Error + Send + Sync>;
 
 fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let control = Control::none().with_cancel(cancel);
-    let recipe = read_recipe(&args.recipe)?;
+    let recipe = Recipe::read(&args.recipe)?;
     let boundary = Boundary::with_index(recipe.refractive_index)?;
     let materials = MaterialTable::cmykw();
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
@@ -269,19 +267,6 @@ fn progress(trainer: &Trainer, score: &Score, steps_a_second: f64) {
         score.p95,
         trainer.seconds() / 60.0
     );
-}
-
-/// Reads and checks a recipe.
-pub fn read_recipe(path: &Path) -> Result<Recipe, Error> {
-    let named = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
-    let length = std::fs::metadata(path).map_err(|e| named(&e))?.len();
-    if length > MAX_RECIPE {
-        return Err(named(&format!("{length} bytes; a recipe takes at most {MAX_RECIPE}")).into());
-    }
-    let recipe: Recipe =
-        serde_json::from_slice(&std::fs::read(path).map_err(|e| named(&e))?).map_err(|e| named(&e))?;
-    recipe.check().map_err(|e| named(&e))?;
-    Ok(recipe)
 }
 
 /// Labels a split as it asks for: its numbers of volumes and points, its paths or standard error.

@@ -56,10 +56,6 @@ impl InkModel for GamutInk<'_> {
         self.gamut.model().relative_rgb(&ordered[..self.labels.len()]).map(|v| v as f32)
     }
 
-    fn gamut_map(&self, rgb: [f32; 3]) -> [f32; 3] {
-        self.gamut.map(rgb).rgb
-    }
-
     fn lab(&self, rgb: [f32; 3]) -> [f32; 3] {
         let mut out = [[0.0; 3]];
         lab_of_linear_rgb(&[rgb], &mut out);

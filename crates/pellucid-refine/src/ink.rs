@@ -16,10 +16,6 @@ pub trait InkModel: Sync {
     /// The media-relative linear RGB of a mixture, one fraction per label of [`InkModel::labels`].
     fn color(&self, fractions: &[f32]) -> [f32; 3];
 
-    /// The printable colour a target is mapped to before refinement (gamut mapping, which may
-    /// differ from the nearest colour of [`InkModel::fractions`]).
-    fn gamut_map(&self, rgb: [f32; 3]) -> [f32; 3];
-
     /// CIELAB of media-relative linear RGB, the media white being L* = 100.
     fn lab(&self, rgb: [f32; 3]) -> [f32; 3];
 

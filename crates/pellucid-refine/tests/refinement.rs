@@ -32,9 +32,6 @@ impl InkModel for Grey {
     fn color(&self, fractions: &[f32]) -> [f32; 3] {
         [0.02 + 0.98 * fractions[1]; 3]
     }
-    fn gamut_map(&self, rgb: [f32; 3]) -> [f32; 3] {
-        self.fractions(rgb, &mut [0.0; 2])
-    }
     fn lab(&self, rgb: [f32; 3]) -> [f32; 3] {
         [116.0 * rgb[1].max(0.0).cbrt() - 16.0, 0.0, 0.0]
     }
@@ -150,7 +147,7 @@ fn run_with(
 ) -> (LabelGrid, Result<Refined, RefineError>) {
     let target: Vec<[f32; 3]> =
         slab.surface.voxels().iter().map(|v| [if v[0] < 32 { dark } else { light }; 3]).collect();
-    let aim: Vec<[f32; 3]> = target.iter().map(|&t| Grey.gamut_map(t)).collect();
+    let aim: Vec<[f32; 3]> = target.iter().map(|&t| Grey.fractions(t, &mut [0.0; 2])).collect();
     let materials = MaterialTable::cmykw();
     let input = RefineInput {
         surface: &slab.surface,
@@ -190,6 +187,8 @@ fn noise_does_not_shift_dark_colours() {
         out.iter().sum::<f32>() / out.len() as f32 / 0.8
     };
     let (clean, noisy) = (shown(false), shown(true));
+    // A loop that took roots of single values would see a quarter of the light (0.63 cubed) and settle near four
+    // times the aim; what eight steps leave of it and the noise of 25 averaged values stay within a fifth.
     assert!((clean - 0.1).abs() < 0.015, "{clean}");
     assert!((noisy - 0.1).abs() < 0.02, "{noisy}, without noise {clean}");
 }

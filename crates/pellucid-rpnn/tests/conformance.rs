@@ -1,34 +1,12 @@
 //! The packed network against a naive f64 implementation, and the symmetry of octants.
 
+mod common;
+
+use common::{inputs, weights};
 use pellucid_rpnn::variant::{
     CELLS_XYZ, FEATURES, INPUTS, LEVEL_INPUTS, LEVELS, OCTANT_INPUTS, OCTANTS, octant_gather,
 };
 use pellucid_rpnn::{Network, Precision, Variant, Weights};
-use rand_core::Rng;
-use rand_pcg::Pcg64;
-
-fn uniform(rng: &mut Pcg64) -> f32 {
-    (rng.next_u32() >> 8) as f32 / (1 << 24) as f32
-}
-
-/// Stencil-like inputs: non-negative, some cells empty.
-fn inputs(n: usize, seed: u64) -> Vec<f32> {
-    let mut rng = Pcg64::new(u128::from(seed), 7);
-    (0..n * INPUTS).map(|_| (uniform(&mut rng) - 0.3).max(0.0)).collect()
-}
-
-/// Weights with biases everywhere, so that no activation is zero by construction.
-fn weights(variant: Variant, seed: u64) -> Weights {
-    let mut weights = Weights::initial(variant, seed, 0.8);
-    let layout = weights.layout().clone();
-    let mut rng = Pcg64::new(u128::from(seed), 11);
-    for layer in layout.layers.iter().filter(|l| l.name != "end3") {
-        for b in &mut weights.values_mut()[layer.bias.clone()] {
-            *b = 0.1 * (uniform(&mut rng) - 0.4);
-        }
-    }
-    weights
-}
 
 /// The design's table written out directly, one sample in f64.
 fn naive(weights: &Weights, sample: &[f32]) -> f64 {

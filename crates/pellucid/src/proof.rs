@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use glam::DVec3;
+use pellucid_color::space::{srgb_decode, srgb_encode_u8};
 use pellucid_voxel::{AIR, Control, LabelGrid, Surface, TILE, Tile, VoxelError};
 use rayon::prelude::*;
 
@@ -219,7 +220,7 @@ pub fn contact_sheet(rows: &[Vec<Picture>]) -> image::RgbaImage {
     let width = rows.iter().map(|r| row_width(r)).max().unwrap_or(1);
     let height = rows.iter().map(|r| row_height(r)).sum::<u32>() + GAP;
     let mut sheet = image::RgbaImage::from_pixel(width, height, image::Rgba([GREY, GREY, GREY, 255]));
-    let background = decode_srgb(GREY);
+    let background = srgb_decode(f64::from(GREY) / 255.0) as f32;
     let mut y0 = GAP;
     for row in rows {
         let mut x0 = GAP;
@@ -230,7 +231,7 @@ pub fn contact_sheet(rows: &[Vec<Picture>]) -> image::RgbaImage {
                     let a = picture.rgba[i + 3];
                     let pixel = std::array::from_fn(|c| match c {
                         3 => 255,
-                        _ => encode_srgb(picture.rgba[i + c] * a + background * (1.0 - a)),
+                        _ => srgb_encode_u8(f64::from(picture.rgba[i + c] * a + background * (1.0 - a))),
                     });
                     sheet.put_pixel(x0 + x, y0 + y, image::Rgba(pixel));
                 }
@@ -240,17 +241,6 @@ pub fn contact_sheet(rows: &[Vec<Picture>]) -> image::RgbaImage {
         y0 += row_height(row);
     }
     sheet
-}
-
-fn encode_srgb(linear: f32) -> u8 {
-    let v = linear.clamp(0.0, 1.0);
-    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round() as u8
-}
-
-fn decode_srgb(code: u8) -> f32 {
-    let v = f32::from(code) / 255.0;
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Writes named linear pictures as the layers of one EXR file, 32-bit float R, G, B, A.

@@ -10,11 +10,13 @@ use std::sync::atomic::AtomicBool;
 
 use pellucid::color::MixtureModel;
 use pellucid::dataset::LabelledSet;
+use pellucid::predictor::Rpnn;
 use pellucid::rpnn::file::Provenance;
 use pellucid::rpnn::{Inference, Precision, Weights};
 use pellucid::voxel::Control;
 
 use crate::Failure;
+use crate::files::write_files;
 use scores::Row;
 
 type Error = Box<dyn std::error::Error + Send + Sync>;
@@ -56,6 +58,10 @@ impl Candidate {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let name = format!("{} ({stem})", weights.variant().name());
         Ok(Self { name, weights, provenance, precision })
+    }
+
+    fn predictor(&self) -> Rpnn {
+        Rpnn::new(self.weights.clone(), self.provenance.clone(), self.precision)
     }
 
     fn inference(&self) -> Result<Inference, Error> {
@@ -115,12 +121,9 @@ fn study(args: &Args, control: &Control<'_>) -> Result<(), Error> {
     if rows.is_empty() {
         return Err(format!("{}: no file such as test.set in it", args.sets.display()).into());
     }
-    for (name, text) in
-        [("rpnn.csv", output::csv(&rows)), ("rpnn.md", output::markdown(&rows, &candidates, &seen))]
-    {
-        let temporary = args.out.join(format!("{name}.tmp"));
-        std::fs::write(&temporary, text)?;
-        std::fs::rename(&temporary, args.out.join(name))?;
-    }
+    write_files(
+        &args.out,
+        &[("rpnn.csv", output::csv(&rows)), ("rpnn.md", output::markdown(&rows, &candidates, &seen))],
+    )?;
     Ok(())
 }

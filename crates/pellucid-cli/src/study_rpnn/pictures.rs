@@ -5,9 +5,9 @@ use std::path::Path;
 use pellucid::dataset::LabelledSet;
 use pellucid::dataset::samples::Sampler;
 use pellucid::proof::{View, Visibility, contact_sheet};
-use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
+use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
-use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
+use pellucid::voxel::{Control, Surface, SurfaceOptions};
 
 use super::{Candidate, Error};
 
@@ -15,8 +15,6 @@ use super::{Candidate, Error};
 const REFERENCE: u32 = 1024;
 /// Difference in radiance that is shown in full colour.
 const FULL: f32 = 0.1;
-/// Points whose stencils are held at a time.
-const CHUNK: usize = 1024;
 
 /// Draws reference, network and Monte Carlo with their errors for the first volume of a set.
 pub fn draw(
@@ -48,23 +46,9 @@ pub fn draw(
     let reference = traced(REFERENCE, 0)?;
     let noisy = traced((paths.round() as u32).clamp(1, REFERENCE), 1)?;
 
-    let sat = CountSat::build(&grid, sampler.materials().len(), control)?;
-    let stencils = Stencils::new(StencilSpec::paper(), &grid, &sat)?;
-    let coefficients = Coefficients::all(sampler.materials(), Features::ScatterAbsorb)?;
-    let row = coefficients.values_per_point(stencils.spec());
-    let voxels: Vec<[u32; 3]> = points.iter().map(|&p| surface.voxels()[p as usize]).collect();
-    let mut inference = candidate.inference()?;
+    let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
     let mut network = vec![0.0; points.len() * 3];
-    for order in near_order(&voxels).chunks(CHUNK) {
-        let part: Vec<[u32; 3]> = order.iter().map(|&i| voxels[i as usize]).collect();
-        let mut values = vec![0.0; part.len() * row];
-        stencils.extract(&coefficients, &part, &mut values, control)?;
-        let mut out = vec![0.0; part.len() * 3];
-        inference.radiance(&values, &mut out)?;
-        for (&i, rgb) in order.iter().zip(out.chunks_exact(3)) {
-            network[3 * i as usize..][..3].copy_from_slice(rgb);
-        }
-    }
+    candidate.predictor().predict(&scene, &points, 0, &mut network, control)?;
 
     let spread = |colour: &dyn Fn(usize) -> [f32; 3]| {
         let mut all = vec![[0.0; 3]; surface.len()];

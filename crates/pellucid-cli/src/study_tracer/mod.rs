@@ -12,6 +12,7 @@ use pellucid::trace::{AssistOptions, ErrorTarget, TraceOptions, Tracer};
 use pellucid::voxel::{Control, LabelGrid, MaterialTable};
 
 use crate::Failure;
+use crate::files::write_files;
 use crate::stopwatch::time;
 use scenes::{Scene, ball, scene, solid};
 
@@ -153,15 +154,13 @@ fn study(args: &Args, control: &Control<'_>) -> Result<(), Box<dyn Error + Send 
         measure(&scene, args.reference_spp, &mut rows, control).map_err(text)?;
         names.push((scene.name, scene.what));
     }
-    std::fs::create_dir_all(&args.out)?;
-    for (name, text) in [
-        ("tracer.csv", output::csv(&rows)),
-        ("tracer.md", output::markdown(&names, &rows, &rates, args.reference_spp)),
-        ("tracer.svg", output::svg(&names, &rows)),
-    ] {
-        let temporary = args.out.join(format!("{name}.tmp"));
-        std::fs::write(&temporary, text)?;
-        std::fs::rename(&temporary, args.out.join(name))?;
-    }
+    write_files(
+        &args.out,
+        &[
+            ("tracer.csv", output::csv(&rows)),
+            ("tracer.md", output::markdown(&names, &rows, &rates, args.reference_spp)),
+            ("tracer.svg", output::svg(&names, &rows)),
+        ],
+    )?;
     Ok(())
 }
