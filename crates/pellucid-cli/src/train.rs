@@ -11,6 +11,7 @@ use pellucid::dataset::samples::Sampler;
 use pellucid::dataset::{Recipe, Stream, StreamOptions};
 use pellucid::rpnn::file::{Provenance, save};
 use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
+use pellucid::rpnn::transform::{InputForm, LevelOrder};
 use pellucid::rpnn::{Precision, RpnnError};
 use pellucid::trace::Boundary;
 use pellucid::voxel::{Control, MaterialTable};
@@ -37,6 +38,9 @@ pub struct Args {
     /// Architecture
     #[arg(long, value_enum, default_value_t = Variant::Lo)]
     variant: Variant,
+    /// Level of the stencil that the network reads first
+    #[arg(long, value_enum, default_value_t = Order::CoarseToFine)]
+    order: Order,
     /// Number of steps, over which the learning rate falls to zero
     #[arg(long, value_name = "N", conflicts_with = "minutes")]
     steps: Option<u64>,
@@ -98,6 +102,23 @@ impl Variant {
             Self::L => V::SharedLevels,
             Self::O => V::SharedOctants,
             Self::Lo => V::SharedLevelsAndOctants,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Order {
+    /// From the voxel outward, as in the paper
+    FineToCoarse,
+    /// From the whole inward: neighbours can share what the coarse levels say
+    CoarseToFine,
+}
+
+impl Order {
+    fn network(self) -> LevelOrder {
+        match self {
+            Self::FineToCoarse => LevelOrder::FineToCoarse,
+            Self::CoarseToFine => LevelOrder::CoarseToFine,
         }
     }
 }
@@ -232,13 +253,15 @@ fn start_or_resume(args: &Args, state: &Path) -> Result<Trainer, Error> {
     if state.exists() {
         return Err(format!("{} exists; --resume goes on from it", state.display()).into());
     }
+    let defaults = TrainSettings::default();
     Ok(Trainer::new(TrainSettings {
+        form: InputForm { order: args.order.network(), ..defaults.form },
         variant: args.variant.network(),
         steps: args.steps.unwrap_or(UNPLANNED),
         peak_rate: args.rate,
         precision: args.precision.precision(),
         seed: args.seed,
-        ..TrainSettings::default()
+        ..defaults
     })?)
 }
 
@@ -308,7 +331,7 @@ fn provenance(
         format!("; validation rmse {:.4}, bias {:+.4} over {} samples", v.rmse, v.bias, v.samples)
     });
     Provenance {
-        transform: s.transform,
+        form: s.form,
         pitch_mm: recipe.pitch.mm(),
         refractive_index: recipe.refractive_index,
         sigma_s_range: range(&|m| m.sigma_s.clone()),

@@ -4,7 +4,7 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use crate::noise::{hash, unit};
-use crate::shape::Shape;
+use crate::shape::{Limb, Shape};
 use crate::texture::{Dither, Pattern, Texture, random_mixture};
 use crate::{Recipe, ShapeClass, Split};
 
@@ -70,6 +70,7 @@ impl Recipe {
                     length: size,
                 }
             }
+            ShapeClass::Blend => draw_blend(rng, size),
             ShapeClass::Star => {
                 let radius = size * between(rng, 0.06, 0.15);
                 let limbs = (0..4 + (uniform(rng) * 3.0) as usize).map(|_| {
@@ -85,6 +86,49 @@ impl Recipe {
             },
         }
     }
+}
+
+/// A body with limbs that grow from its and each other's ends, no longer than `size` along any axis but for
+/// fillets and the thinnest limbs' least radius.
+fn draw_blend(rng: &mut Pcg64, size: f64) -> Shape {
+    /// Least radius in mm.
+    const THINNEST: f64 = 0.2;
+    let thickness = between(rng, 0.4, 1.2);
+    let mut limbs: Vec<Limb> = Vec::new();
+    for _ in 0..3 + (uniform(rng) * 6.0) as usize {
+        let (from, most) = match limbs.len() {
+            0 => ([0.0; 3], 1.0),
+            n => {
+                let parent = limbs[(uniform(rng) * n as f64) as usize % n];
+                let end = usize::from(uniform(rng) < 0.5);
+                (parent.ends[end], parent.radii[end])
+            }
+        };
+        let direction = random_rotation(rng)[0];
+        let length = between(rng, 0.5, 3.0);
+        let root = most * between(rng, 0.4, 1.0);
+        limbs.push(Limb {
+            ends: [from, std::array::from_fn(|a| from[a] + length * direction[a])],
+            radii: [root, root * between(rng, 0.4, 1.0)],
+        });
+    }
+    for limb in &mut limbs {
+        limb.radii = limb.radii.map(|r| r * thickness);
+    }
+    let edge = |a: usize, sign: f64| {
+        let ends = limbs.iter().flat_map(|l| (0..2).map(|i| sign * l.ends[i][a] + l.radii[i]));
+        ends.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let (high, low): ([f64; 3], [f64; 3]) =
+        (std::array::from_fn(|a| edge(a, 1.0)), std::array::from_fn(|a| -edge(a, -1.0)));
+    let longest = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+    let scale = size / longest;
+    for limb in &mut limbs {
+        limb.ends = limb.ends.map(|p| std::array::from_fn(|a| scale * (p[a] - 0.5 * (low[a] + high[a]))));
+        limb.radii = limb.radii.map(|r| (scale * r).max(THINNEST));
+    }
+    let fillet = scale * thickness * between(rng, 0.1, 0.8);
+    Shape::Blend { limbs, fillet }
 }
 
 fn draw_class(split: &Split, rng: &mut Pcg64) -> ShapeClass {

@@ -29,6 +29,8 @@ pub enum ShapeClass {
     Concave,
     /// A pipe or a rod.
     Tube,
+    /// Tapered limbs that flow into each other, as in bodies of animals.
+    Blend,
     /// Limbs that meet in the middle: a shape that training leaves out.
     Star,
     /// A ball cut from a gyroid's curved sheets: a shape that training leaves out.

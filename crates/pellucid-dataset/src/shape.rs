@@ -62,6 +62,13 @@ pub enum Shape {
         /// Their radius.
         radius: f64,
     },
+    /// Tapered limbs that flow into each other, as in bodies of animals.
+    Blend {
+        /// The limbs.
+        limbs: Vec<Limb>,
+        /// Reach of the fillets between them.
+        fillet: f64,
+    },
     /// A ball cut from sheets along a gyroid.
     Gyroid {
         /// Diameter of the ball.
@@ -71,6 +78,41 @@ pub enum Shape {
         /// Thickness of the sheets where the surface is steepest; up to 1.5 times as much elsewhere.
         thickness: f64,
     },
+}
+
+/// A tapered rod with rounded ends; lengths in mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limb {
+    /// Ends of the centre line.
+    pub ends: [[f64; 3]; 2],
+    /// Radii at the ends.
+    pub radii: [f64; 2],
+}
+
+impl Limb {
+    /// A lower bound of the distance outside and of the depth inside: exact without taper.
+    fn distance(&self, p: [f64; 3]) -> f64 {
+        let [from, to] = self.ends;
+        let along: [f64; 3] = std::array::from_fn(|a| to[a] - from[a]);
+        let offset: [f64; 3] = std::array::from_fn(|a| p[a] - from[a]);
+        let length2 = dot(along, along).max(f64::MIN_POSITIVE);
+        let t = (dot(offset, along) / length2).clamp(0.0, 1.0);
+        let d: [f64; 3] = std::array::from_fn(|a| offset[a] - t * along[a]);
+        (dot(d, d).sqrt() - self.radii[0] - t * (self.radii[1] - self.radii[0])) / self.steepness()
+    }
+
+    /// Largest slope of the distance to the centre line less the radius.
+    fn steepness(&self) -> f64 {
+        let along: [f64; 3] = std::array::from_fn(|a| self.ends[1][a] - self.ends[0][a]);
+        let taper = self.radii[1] - self.radii[0];
+        (1.0 + taper * taper / dot(along, along).max(f64::MIN_POSITIVE)).sqrt()
+    }
+}
+
+/// The smaller of two distances, rounded off where they differ by less than `reach`; no steeper than they are.
+fn smooth_min(a: f64, b: f64, reach: f64) -> f64 {
+    let overlap = (reach - (a - b).abs()).max(0.0);
+    a.min(b) - 0.25 * overlap * overlap / reach.max(f64::MIN_POSITIVE)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -123,6 +165,11 @@ impl Shape {
                 };
                 limbs.iter().map(to_limb).fold(f64::INFINITY, f64::min) - radius
             }
+            Self::Blend { limbs, fillet } => limbs
+                .iter()
+                .map(|limb| limb.distance(p))
+                .reduce(|a, b| smooth_min(a, b, *fillet))
+                .unwrap_or(f64::INFINITY),
             Self::Gyroid { diameter, period, thickness } => {
                 let wave = std::f64::consts::TAU / period;
                 let (s, c) = (p.map(|v| (v * wave).sin()), p.map(|v| (v * wave).cos()));
@@ -146,6 +193,15 @@ impl Shape {
             Self::Gyroid { diameter, .. } => [0.5 * diameter; 3],
             Self::Star { limbs, radius } => {
                 std::array::from_fn(|a| limbs.iter().map(|limb| limb[a].abs()).fold(0.0, f64::max) + radius)
+            }
+            Self::Blend { limbs, fillet } => {
+                // Each further limb brings the surface out by a quarter of the fillet at the most.
+                let bulge = 0.25 * fillet * limbs.len().saturating_sub(1) as f64;
+                let reach = |l: &Limb, a: usize| {
+                    let end = |i: usize| l.ends[i][a].abs() + l.radii[i];
+                    end(0).max(end(1)) + l.steepness() * bulge
+                };
+                std::array::from_fn(|a| limbs.iter().map(|l| reach(l, a)).fold(0.0, f64::max))
             }
             Self::Torus { axis, ring, tube } => {
                 std::array::from_fn(|a| ring * (1.0 - axis[a] * axis[a]).max(0.0).sqrt() + tube)
@@ -175,6 +231,14 @@ mod tests {
             Shape::Bowl { diameter: 6.0, cut: 4.0, axis },
             Shape::Pipe { axis, diameter: 3.0, wall: 0.4, length: 5.0 },
             Shape::Star { limbs: vec![[3.0, 1.0, 0.0], [-1.0, 0.5, -4.0]], radius: 0.6 },
+            Shape::Blend {
+                limbs: vec![
+                    Limb { ends: [[0.0, 0.0, 0.5], [1.0, 0.5, -1.0]], radii: [1.4, 1.0] },
+                    Limb { ends: [[1.0, 0.5, -1.0], [3.5, 2.0, 1.0]], radii: [0.8, 0.3] },
+                    Limb { ends: [[-2.0, 1.0, 0.0], [-2.0, 1.0, 0.0]], radii: [0.9, 0.9] },
+                ],
+                fillet: 0.7,
+            },
             Shape::Gyroid { diameter: 8.0, period: 4.0, thickness: 0.6 },
         ];
         for shape in shapes {

@@ -5,15 +5,16 @@ use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
-use crate::transform::FeatureTransform;
+use crate::transform::InputForm;
 use crate::variant::{CELLS_XYZ, LEVELS};
 use crate::{RpnnError, Variant, Weights};
 
 /// What a weights file was trained for.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Provenance {
-    /// The feature transform its inputs passed.
-    pub transform: FeatureTransform,
+    /// The form of its inputs.
+    #[serde(flatten)]
+    pub form: InputForm,
     /// Voxel edges `[x, y, z]` of the training volumes in mm.
     pub pitch_mm: [f64; 3],
     /// Refractive index of the boundary; 1 is matched.
@@ -171,9 +172,11 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnErr
 mod tests {
     use super::*;
 
+    use crate::transform::{FeatureTransform, LevelOrder};
+
     fn provenance() -> Provenance {
         Provenance {
-            transform: FeatureTransform::Log,
+            form: InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine },
             pitch_mm: [0.04, 0.08, 0.03],
             refractive_index: 1.5,
             sigma_s_range: [0.1, 24.0],

@@ -1,6 +1,6 @@
 //! Radiance of raw stencils, any number of them, on one thread.
 
-use crate::transform::FeatureTransform;
+use crate::transform::InputForm;
 use crate::variant::INPUTS;
 use crate::{Network, Precision, RpnnError, Weights};
 
@@ -11,23 +11,19 @@ const BATCH: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Inference {
     network: Network,
-    transform: FeatureTransform,
+    form: InputForm,
     inputs: Vec<f32>,
 }
 
 impl Inference {
-    /// Prepares `weights`, trained with `transform`.
+    /// Prepares `weights`, trained on inputs of `form`.
     ///
     /// # Errors
     /// As [`Network::new`].
-    pub fn new(
-        weights: &Weights,
-        transform: FeatureTransform,
-        precision: Precision,
-    ) -> Result<Self, RpnnError> {
+    pub fn new(weights: &Weights, form: InputForm, precision: Precision) -> Result<Self, RpnnError> {
         let mut network = Network::new(weights.variant(), BATCH, precision)?;
         network.load(weights)?;
-        Ok(Self { network, transform, inputs: vec![0.0; BATCH * INPUTS] })
+        Ok(Self { network, form, inputs: vec![0.0; BATCH * INPUTS] })
     }
 
     /// Radiance of each sample; `stencils` holds raw coefficients in 1/mm, `[sample][level][cell z][cell
@@ -46,7 +42,7 @@ impl Inference {
             let inputs = &mut self.inputs[..stencils.len()];
             inputs.copy_from_slice(stencils);
             for sample in inputs.as_chunks_mut::<INPUTS>().0 {
-                self.transform.apply(sample);
+                self.form.apply(sample);
             }
             self.network.forward(inputs, out)?;
         }
@@ -64,7 +60,7 @@ mod tests {
         let variant = Variant::SharedLevelsAndOctants;
         let weights = Weights::initial(variant, 3, 8.0);
         for precision in [Precision::F32, Precision::Bf16] {
-            let mut inference = Inference::new(&weights, FeatureTransform::Log, precision).unwrap();
+            let mut inference = Inference::new(&weights, InputForm::default(), precision).unwrap();
             let n = BATCH + 37;
             let raw: Vec<f32> = (0..n * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.01).collect();
             let mut together = vec![0.0; n];

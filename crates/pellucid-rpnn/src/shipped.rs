@@ -46,7 +46,7 @@ mod tests {
     fn brighter_material_is_predicted_brighter() {
         let (weights, provenance) = shipped().unwrap();
         for precision in [Precision::F32, Precision::Bf16] {
-            let mut inference = Inference::new(&weights, provenance.transform, precision).unwrap();
+            let mut inference = Inference::new(&weights, provenance.form, precision).unwrap();
             // Black, a mid tone and white of about 6/mm: radiance at index 1.5 near 0.03, 0.3 and 0.9.
             let media = [[2.0, 4.0], [5.9, 0.1], [5.995, 0.005]];
             let mut out = [0.0; 3];

@@ -1,7 +1,7 @@
 //! From raw stencils to the network's input.
 
 use crate::kernel;
-use crate::variant::{INPUTS, LEVEL_INPUTS};
+use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
 
 /// How coefficients are brought into the network's range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -25,6 +25,41 @@ impl FeatureTransform {
                 Self::Scaled => level.iter_mut().for_each(|v| *v *= scale / 64.0),
                 Self::Log => kernel::log_features(level, scale),
             }
+        }
+    }
+}
+
+/// Which level the network reads first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LevelOrder {
+    /// From the voxel outward (the paper's Figure 5).
+    #[default]
+    FineToCoarse,
+    /// From the whole inward: what the coarse levels make of the surroundings hardly differs between
+    /// neighbours, who can share it.
+    CoarseToFine,
+}
+
+/// What is done to a raw stencil before the network reads it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct InputForm {
+    /// What is done to the coefficients.
+    pub transform: FeatureTransform,
+    /// Order of the levels; files without it were trained from fine to coarse.
+    #[serde(default)]
+    pub order: LevelOrder,
+}
+
+impl InputForm {
+    /// Brings one sample of 9 x 270 raw values (1/mm, none negative, finest level first) into this form in
+    /// place.
+    pub fn apply(self, sample: &mut [f32; INPUTS]) {
+        self.transform.apply(sample);
+        if self.order == LevelOrder::CoarseToFine {
+            let (first, rest) = sample.split_at_mut(LEVELS / 2 * LEVEL_INPUTS);
+            let last = rest[LEVEL_INPUTS..].chunks_exact_mut(LEVEL_INPUTS).rev();
+            first.chunks_exact_mut(LEVEL_INPUTS).zip(last).for_each(|(a, b)| a.swap_with_slice(b));
         }
     }
 }
@@ -79,6 +114,18 @@ mod tests {
             transform.apply(&mut fine);
             assert_eq!(coarse[LEVEL_INPUTS..2 * LEVEL_INPUTS], fine[..LEVEL_INPUTS]);
         }
+    }
+
+    #[test]
+    fn coarse_to_fine_turns_the_levels_round() {
+        let raw: [f32; INPUTS] = std::array::from_fn(|i| i as f32);
+        let (mut fine_first, mut coarse_first) = (raw, raw);
+        InputForm::default().apply(&mut fine_first);
+        InputForm { order: LevelOrder::CoarseToFine, ..Default::default() }.apply(&mut coarse_first);
+        let levels = fine_first.chunks_exact(LEVEL_INPUTS);
+        assert!(levels.rev().eq(coarse_first.chunks_exact(LEVEL_INPUTS)));
+        let old: InputForm = serde_json::from_str(r#"{"transform": "log"}"#).unwrap();
+        assert_eq!(old, InputForm { transform: FeatureTransform::Log, order: LevelOrder::FineToCoarse });
     }
 
     #[test]

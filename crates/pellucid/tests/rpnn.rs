@@ -3,13 +3,13 @@
 use pellucid::predictor::Rpnn;
 use pellucid::refine::{AppearancePredictor, PredictError, Scene};
 use pellucid::rpnn::file::Provenance;
-use pellucid::rpnn::transform::FeatureTransform;
+use pellucid::rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
 use pellucid::rpnn::{Precision, Variant, Weights};
 use pellucid::voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
 
 fn provenance() -> Provenance {
     Provenance {
-        transform: FeatureTransform::Log,
+        form: InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine },
         pitch_mm: Pitch::j750().mm(),
         refractive_index: 1.5,
         sigma_s_range: [0.3, 24.0],

@@ -65,7 +65,7 @@ impl Candidate {
     }
 
     fn inference(&self) -> Result<Inference, Error> {
-        Ok(Inference::new(&self.weights, self.provenance.transform, self.precision)?)
+        Ok(Inference::new(&self.weights, self.provenance.form, self.precision)?)
     }
 }
 

@@ -6,7 +6,7 @@
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
-use crate::transform::FeatureTransform;
+use crate::transform::InputForm;
 use crate::variant::{CELLS, CELLS_XYZ, FEATURES, INPUTS, OCTANTS};
 
 /// Position within a level of every cell mirrored along the axes whose bits are set (bit 0 is x).
@@ -22,7 +22,7 @@ fn mirrored_cells(axes: usize) -> [u16; CELLS] {
 /// Makes network inputs of raw stencils.
 #[derive(Clone, Debug)]
 pub struct Augment {
-    transform: FeatureTransform,
+    form: InputForm,
     mirror: bool,
     seed: u64,
     cells: [[u16; CELLS]; OCTANTS],
@@ -31,9 +31,9 @@ pub struct Augment {
 
 impl Augment {
     /// Mirrors are addressed by (seed, step, sample).
-    pub fn new(transform: FeatureTransform, mirror: bool, seed: u64) -> Self {
+    pub fn new(form: InputForm, mirror: bool, seed: u64) -> Self {
         Self {
-            transform,
+            form,
             mirror,
             seed,
             cells: std::array::from_fn(mirrored_cells),
@@ -59,7 +59,7 @@ impl Augment {
     pub fn apply(&mut self, step: u64, stencils: &mut [f32]) {
         let axes = self.axes(step);
         for (sample, axes) in stencils.as_chunks_mut::<INPUTS>().0.iter_mut().zip(axes) {
-            self.transform.apply(sample);
+            self.form.apply(sample);
             if axes == 0 {
                 continue;
             }
@@ -82,10 +82,10 @@ mod tests {
 
     #[test]
     fn a_mirrored_sample_exchanges_its_octants() {
-        let mut augment = Augment::new(FeatureTransform::Scaled, true, 5);
+        let mut augment = Augment::new(InputForm::default(), true, 5);
         let raw: Vec<f32> = (0..64 * INPUTS).map(|i| (i * 7919 % 10_007) as f32).collect();
         let mut plain = raw.clone();
-        Augment::new(FeatureTransform::Scaled, false, 5).apply(3, &mut plain);
+        Augment::new(InputForm::default(), false, 5).apply(3, &mut plain);
         let mut mirrored = raw;
         augment.apply(3, &mut mirrored);
         let mut seen = [0; 8];

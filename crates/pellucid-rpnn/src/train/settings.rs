@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::adamw::AdamWSettings;
-use crate::transform::FeatureTransform;
+use crate::transform::{FeatureTransform, InputForm, LevelOrder};
 use crate::{Precision, RpnnError, Variant};
 
 /// Settings of a [`Trainer`](super::Trainer). The defaults are for the shipped network.
@@ -25,8 +25,9 @@ pub struct TrainSettings {
     pub mirror: bool,
     /// Seed of the initial weights and the mirrors.
     pub seed: u64,
-    /// What is done to the coefficients.
-    pub transform: FeatureTransform,
+    /// What is done to the stencils.
+    #[serde(flatten)]
+    pub form: InputForm,
     /// Number format of the products.
     pub precision: Precision,
     /// Radiance that the untrained network starts near.
@@ -44,7 +45,7 @@ impl Default for TrainSettings {
             optimiser: AdamWSettings::default(),
             mirror: true,
             seed: 1,
-            transform: FeatureTransform::Log,
+            form: InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine },
             precision: Precision::F32,
             mean_radiance: 0.4,
         }

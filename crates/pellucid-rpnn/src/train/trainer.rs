@@ -97,7 +97,7 @@ impl Trainer {
         settings.check()?;
         let batch = settings.batch;
         let network = Network::new(settings.variant, batch, settings.precision)?;
-        let augment = Augment::new(settings.transform, settings.mirror, settings.seed);
+        let augment = Augment::new(settings.form, settings.mirror, settings.seed);
         let buffers = Buffers {
             inputs: vec![0.0; batch * INPUTS],
             labels: vec![0.0; batch],
@@ -223,8 +223,7 @@ impl Trainer {
         labels: &[f32],
         standard_error: &[f32],
     ) -> Result<Score, RpnnError> {
-        let mut inference =
-            Inference::new(&self.averaged()?, self.settings.transform, self.settings.precision)?;
+        let mut inference = Inference::new(&self.averaged()?, self.settings.form, self.settings.precision)?;
         let mut out = vec![0.0; labels.len()];
         inference.radiance(stencils, &mut out)?;
         Score::new(&out, labels, standard_error)

@@ -147,7 +147,7 @@ impl AppearancePredictor for Rpnn {
         let order = near_order(&voxels);
         let (done, outside) = (AtomicU64::new(0), AtomicU64::new(0));
         let network =
-            Inference::new(&self.weights, self.provenance.transform, self.precision).map_err(from_rpnn)?;
+            Inference::new(&self.weights, self.provenance.form, self.precision).map_err(from_rpnn)?;
 
         let predicted = order
             .par_chunks(CHUNK)
