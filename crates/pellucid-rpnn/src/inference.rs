@@ -1,7 +1,7 @@
 //! Radiance of raw stencils, any number of them, on one thread.
 
-use crate::transform::InputForm;
-use crate::variant::INPUTS;
+use crate::transform::{InputForm, LevelOrder};
+use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
 use crate::{Network, Precision, RpnnError, Weights};
 
 /// Samples of a batch: activations of all levels stay within a core's caches.
@@ -13,6 +13,8 @@ pub struct Inference {
     network: Network,
     form: InputForm,
     inputs: Vec<f32>,
+    /// States of the samples of a batch that share them.
+    states: Vec<f32>,
 }
 
 impl Inference {
@@ -23,7 +25,7 @@ impl Inference {
     pub fn new(weights: &Weights, form: InputForm, precision: Precision) -> Result<Self, RpnnError> {
         let mut network = Network::new(weights.variant(), BATCH, precision)?;
         network.load(weights)?;
-        Ok(Self { network, form, inputs: vec![0.0; BATCH * INPUTS] })
+        Ok(Self { network, form, inputs: vec![0.0; BATCH * INPUTS], states: Vec::new() })
     }
 
     /// Radiance of each sample; `stencils` holds raw coefficients in 1/mm, `[sample][level][cell z][cell
@@ -50,10 +52,94 @@ impl Inference {
     }
 }
 
+/// What the network makes of the coarse levels of places, for the points near each of them to share.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CoarseStates {
+    /// Levels left for the points.
+    fine: usize,
+    /// `[place][width]`.
+    values: Vec<f32>,
+}
+
+impl Inference {
+    /// Reads all levels but the `fine` finest of the stencils of places, raw and whole as for
+    /// [`Inference::radiance`].
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when the network reads its levels from fine to coarse, the lengths do not agree or `fine` is not within 1 to 8.
+    pub fn coarse_states(&mut self, fine: usize, stencils: &[f32]) -> Result<CoarseStates, RpnnError> {
+        if self.form.order != LevelOrder::CoarseToFine {
+            return Err(RpnnError::invalid(
+                "weights",
+                "read levels from fine to coarse; sharing needs weights trained with the other order",
+            ));
+        }
+        if !(1..LEVELS).contains(&fine) || !stencils.len().is_multiple_of(INPUTS) {
+            return Err(RpnnError::invalid(
+                "stencils and fine levels",
+                format!("{} values, {fine} levels; whole stencils of {INPUTS}, 1 to 8", stencils.len()),
+            ));
+        }
+        let (coarse, width) = (LEVELS - fine, self.network.variant().width());
+        let mut values = vec![0.0; stencils.len() / INPUTS * width];
+        for (stencils, states) in stencils.chunks(BATCH * INPUTS).zip(values.chunks_mut(BATCH * width)) {
+            let n = states.len() / width;
+            let inputs = &mut self.inputs[..n * coarse * LEVEL_INPUTS];
+            let rows = inputs.chunks_exact_mut(coarse * LEVEL_INPUTS);
+            for (row, stencil) in rows.zip(stencils.chunks_exact(INPUTS)) {
+                row.copy_from_slice(&stencil[fine * LEVEL_INPUTS..]);
+                self.form.apply_levels(fine, row);
+            }
+            self.network.states(coarse, inputs, states)?;
+        }
+        Ok(CoarseStates { fine, values })
+    }
+
+    /// Radiance of samples from their own finest levels and the coarse ones of a place nearby: `stencils` is
+    /// `[sample][fine][cell z][cell y][cell x][sigma_s, sigma_a]`, 1/mm, `places` has a position in `states`
+    /// for each sample. With the sample's own stencil as its place, bit for bit [`Inference::radiance`].
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when the lengths do not agree or a place is not there.
+    pub fn radiance_near(
+        &mut self,
+        states: &CoarseStates,
+        places: &[u32],
+        stencils: &[f32],
+        out: &mut [f32],
+    ) -> Result<(), RpnnError> {
+        let (row, width) = (states.fine * LEVEL_INPUTS, self.network.variant().width());
+        let count = states.values.len() / width;
+        if places.len() != out.len() || stencils.len() != out.len() * row {
+            return Err(RpnnError::invalid(
+                "stencils and places",
+                format!("{} values and {} places for {} samples", stencils.len(), places.len(), out.len()),
+            ));
+        }
+        if let Some(place) = places.iter().find(|p| **p as usize >= count) {
+            return Err(RpnnError::invalid("places", format!("{place}; there are {count}")));
+        }
+        self.states.resize(BATCH * width, 0.0);
+        let parts = stencils.chunks(BATCH * row).zip(places.chunks(BATCH)).zip(out.chunks_mut(BATCH));
+        for ((stencils, places), out) in parts {
+            let inputs = &mut self.inputs[..stencils.len()];
+            inputs.copy_from_slice(stencils);
+            inputs.chunks_exact_mut(row).for_each(|sample| self.form.apply_levels(0, sample));
+            let used = &mut self.states[..out.len() * width];
+            for (state, &place) in used.chunks_exact_mut(width).zip(places) {
+                state.copy_from_slice(&states.values[place as usize * width..][..width]);
+            }
+            self.network.forward_from(LEVELS - states.fine, used, inputs, out)?;
+        }
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Variant;
+    use crate::transform::FeatureTransform;
 
     #[test]
     fn values_do_not_depend_on_the_company() {
@@ -73,5 +159,38 @@ mod tests {
             }
             assert!(inference.radiance(&raw[1..], &mut together).is_err());
         }
+    }
+
+    #[test]
+    fn sharing_with_oneself_changes_no_bit() {
+        let variant = Variant::SharedLevelsAndOctants;
+        let weights = Weights::initial(variant, 3, 8.0);
+        let form = InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine };
+        let n = BATCH + 9;
+        let raw: Vec<f32> = (0..n * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.01).collect();
+        for precision in [Precision::F32, Precision::Bf16] {
+            let mut inference = Inference::new(&weights, form, precision).unwrap();
+            let mut whole = vec![0.0; n];
+            inference.radiance(&raw, &mut whole).unwrap();
+            for fine in [1, 4, 8] {
+                let finest: Vec<f32> =
+                    raw.chunks_exact(INPUTS).flat_map(|s| s[..fine * LEVEL_INPUTS].to_vec()).collect();
+                // Places in the reverse order of the samples.
+                let places: Vec<u32> = (0..n as u32).rev().collect();
+                let reversed: Vec<f32> = raw.chunks_exact(INPUTS).rev().flatten().copied().collect();
+                let states = inference.coarse_states(fine, &reversed).unwrap();
+                let mut shared = vec![0.0; n];
+                inference.radiance_near(&states, &places, &finest, &mut shared).unwrap();
+                assert_eq!(shared, whole, "{precision:?}, {fine} fine levels");
+                // Another place's surroundings do matter.
+                inference.radiance_near(&states, &vec![0; n], &finest, &mut shared).unwrap();
+                assert_ne!(shared, whole);
+                assert!(inference.radiance_near(&states, &vec![n as u32; n], &finest, &mut shared).is_err());
+                assert!(inference.radiance_near(&states, &places, &raw, &mut shared).is_err());
+            }
+            assert!(inference.coarse_states(0, &raw).is_err() && inference.coarse_states(9, &raw).is_err());
+        }
+        let mut other = Inference::new(&weights, InputForm::default(), Precision::F32).unwrap();
+        assert!(other.coarse_states(4, &raw).unwrap_err().to_string().contains("order"));
     }
 }

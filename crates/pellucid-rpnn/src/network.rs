@@ -1,7 +1,7 @@
 //! Forward and backward passes of the four variants on packed matrix products, without allocation.
 //!
-//! The state o of a level is computed from the level's values x and the finer levels' state p
-//! (the paper's Figure 5c):
+//! The state o of a level is computed from the level's values x and the state p of the levels read before
+//! (the paper's Figure 5c; finer ones there):
 //!
 //! ```text
 //! v = two dense layers on each octant of x (≡O), or x        entry
@@ -12,6 +12,8 @@
 //! The first level of the variants without ≡L is o = v. The end maps the last state through three dense
 //! layers; with ≡O each octant's 60 values pass the same layers and the results are summed. ReLU everywhere,
 //! the output too.
+
+use std::ops::Range;
 
 use crate::kernel::Add;
 use crate::layers::{End, Layers};
@@ -121,8 +123,8 @@ impl Network {
         Ok(())
     }
 
-    /// Radiance of each sample: `inputs` is `[sample][level][cell z][cell y][cell x][feature]` after the
-    /// feature transform, `out` `[sample]`.
+    /// Radiance of each sample: `inputs` is `[sample][level][cell z][cell y][cell x][feature]` in the
+    /// input form that the weights were trained on, `out` `[sample]`.
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when the buffers' lengths differ or exceed the batch.
@@ -135,17 +137,85 @@ impl Network {
                 format!("{} values for {n} samples of {INPUTS}", inputs.len()),
             ));
         }
+        self.forward_levels(inputs, 0..LEVELS, n);
+        self.forward_end(out);
+        Ok(())
+    }
+
+    /// The state of each sample after the first `levels` of the levels read: `inputs` is
+    /// `[sample][level 0..levels][270]` after the input form, `states` `[sample][width]`.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when the lengths do not agree or exceed the batch, or there are not 1 to 8
+    /// levels.
+    pub fn states(&mut self, levels: usize, inputs: &[f32], states: &mut [f32]) -> Result<(), RpnnError> {
         let width = self.variant.width();
-        for k in 0..LEVELS {
-            self.load_level(inputs, k, n);
+        let n = self.check_parts(levels, states, inputs.len(), levels)?;
+        self.forward_levels(inputs, 0..levels, n);
+        states.copy_from_slice(&self.levels[levels - 1].state[..n * width]);
+        Ok(())
+    }
+
+    /// [`Network::forward`] from the states that [`Network::states`] gave: `inputs` holds the other levels,
+    /// `[sample][level levels..9][270]`.
+    ///
+    /// # Errors
+    /// As [`Network::states`].
+    pub fn forward_from(
+        &mut self,
+        levels: usize,
+        states: &[f32],
+        inputs: &[f32],
+        out: &mut [f32],
+    ) -> Result<(), RpnnError> {
+        let n = self.check_parts(levels, states, inputs.len(), LEVELS - levels.min(LEVELS))?;
+        if n != out.len() {
+            return Err(RpnnError::invalid("output", format!("{} values for {n} samples", out.len())));
+        }
+        self.levels[levels - 1].state[..states.len()].copy_from_slice(states);
+        self.forward_levels(inputs, levels..LEVELS, n);
+        self.forward_end(out);
+        Ok(())
+    }
+
+    /// The number of samples of a part of the levels.
+    fn check_parts(
+        &self,
+        levels: usize,
+        states: &[f32],
+        inputs: usize,
+        given: usize,
+    ) -> Result<usize, RpnnError> {
+        let width = self.variant.width();
+        let n = states.len() / width;
+        if !(1..LEVELS).contains(&levels) || states.len() % width != 0 || inputs != n * given * LEVEL_INPUTS {
+            return Err(RpnnError::invalid(
+                "levels, states and inputs",
+                format!("{levels} levels, {} values in states of {width}, {inputs} inputs", states.len()),
+            ));
+        }
+        self.check(n).map(|()| n)
+    }
+
+    fn forward_levels(&mut self, inputs: &[f32], range: Range<usize>, n: usize) {
+        let width = self.variant.width();
+        for k in range.clone() {
+            self.load_level(inputs, k, range.clone(), n);
         }
         let layers = &mut self.layers;
-        let Layout { blocks, end, .. } = *layers.weights.layout();
-        for k in 0..LEVELS {
-            let (finer, rest) = self.levels.split_at_mut(k);
-            let previous = finer.last().map(|l| &l.state[..n * width]);
+        let Layout { blocks, .. } = *layers.weights.layout();
+        for k in range {
+            let (before, rest) = self.levels.split_at_mut(k);
+            let previous = before.last().map(|l| &l.state[..n * width]);
             forward_block(layers, blocks[k], &mut rest[0], previous, n, self.variant);
         }
+    }
+
+    /// From the last state to radiance.
+    fn forward_end(&mut self, out: &mut [f32]) {
+        let n = out.len();
+        let layers = &mut self.layers;
+        let Layout { end, .. } = *layers.weights.layout();
         let (rows, end_width) = end_shape(self.variant, n);
         let [e1, e2, e3] = end;
         let used = rows * end_width;
@@ -163,7 +233,6 @@ impl Network {
         for (out, terms) in out.iter_mut().zip(terms.chunks_exact(summed.max(1))) {
             *out = terms.iter().sum::<f32>().max(0.0);
         }
-        Ok(())
     }
 
     /// Adds the gradient of a loss to `gradient`, laid out like the weights, given its derivative by each
@@ -219,12 +288,13 @@ impl Network {
         Ok(())
     }
 
-    /// Copies level `k` of every sample, octant by octant with ≡O.
-    fn load_level(&mut self, inputs: &[f32], k: usize, n: usize) {
+    /// Copies level `k` of every sample, octant by octant with ≡O; `inputs` holds the levels of `range`.
+    fn load_level(&mut self, inputs: &[f32], k: usize, range: Range<usize>, n: usize) {
         let width = self.variant.width();
         let target = &mut self.levels[k].input[..n * width];
-        for (row, sample) in target.chunks_exact_mut(width).zip(inputs.chunks_exact(INPUTS)) {
-            let level = &sample[k * LEVEL_INPUTS..(k + 1) * LEVEL_INPUTS];
+        let samples = inputs.chunks_exact(range.len() * LEVEL_INPUTS);
+        for (row, sample) in target.chunks_exact_mut(width).zip(samples) {
+            let level = &sample[(k - range.start) * LEVEL_INPUTS..][..LEVEL_INPUTS];
             if self.variant.shares_octants() {
                 for (octant, gather) in row.chunks_exact_mut(OCTANT_INPUTS).zip(&self.gather) {
                     octant.iter_mut().zip(gather).for_each(|(v, &i)| *v = level[usize::from(i)]);

@@ -1,7 +1,7 @@
 //! From raw stencils to the network's input.
 
 use crate::kernel;
-use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use crate::variant::{INPUTS, LEVEL_INPUTS};
 
 /// How coefficients are brought into the network's range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -20,11 +20,15 @@ impl FeatureTransform {
     /// Transforms one sample of 9 x 270 raw values (1/mm, none negative) in place.
     pub fn apply(self, sample: &mut [f32; INPUTS]) {
         for (k, level) in sample.chunks_exact_mut(LEVEL_INPUTS).enumerate() {
-            let scale = (1u32 << k) as f32;
-            match self {
-                Self::Scaled => level.iter_mut().for_each(|v| *v *= scale / 64.0),
-                Self::Log => kernel::log_features(level, scale),
-            }
+            self.apply_level(k, level);
+        }
+    }
+
+    fn apply_level(self, k: usize, level: &mut [f32]) {
+        let scale = (1u32 << k) as f32;
+        match self {
+            Self::Scaled => level.iter_mut().for_each(|v| *v *= scale / 64.0),
+            Self::Log => kernel::log_features(level, scale),
         }
     }
 }
@@ -55,11 +59,20 @@ impl InputForm {
     /// Brings one sample of 9 x 270 raw values (1/mm, none negative, finest level first) into this form in
     /// place.
     pub fn apply(self, sample: &mut [f32; INPUTS]) {
-        self.transform.apply(sample);
+        self.apply_levels(0, sample);
+    }
+
+    /// [`InputForm::apply`] for some levels of a sample, `[level][270]`, the finest being number `first`,
+    /// from 0.
+    pub fn apply_levels(self, first: usize, levels: &mut [f32]) {
+        for (k, level) in levels.chunks_exact_mut(LEVEL_INPUTS).enumerate() {
+            self.transform.apply_level(first + k, level);
+        }
         if self.order == LevelOrder::CoarseToFine {
-            let (first, rest) = sample.split_at_mut(LEVELS / 2 * LEVEL_INPUTS);
-            let last = rest[LEVEL_INPUTS..].chunks_exact_mut(LEVEL_INPUTS).rev();
-            first.chunks_exact_mut(LEVEL_INPUTS).zip(last).for_each(|(a, b)| a.swap_with_slice(b));
+            let count = levels.len() / LEVEL_INPUTS;
+            let (front, back) = levels.split_at_mut(count / 2 * LEVEL_INPUTS);
+            let back = back.chunks_exact_mut(LEVEL_INPUTS).rev();
+            front.chunks_exact_mut(LEVEL_INPUTS).zip(back).for_each(|(a, b)| a.swap_with_slice(b));
         }
     }
 }

@@ -10,4 +10,4 @@ mod rpnn;
 #[cfg(feature = "mc")]
 pub use monte_carlo::MonteCarlo;
 #[cfg(feature = "rpnn")]
-pub use rpnn::Rpnn;
+pub use rpnn::{Rpnn, Sharing};

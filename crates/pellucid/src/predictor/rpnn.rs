@@ -4,18 +4,40 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use pellucid_refine::{AppearancePredictor, PredictError, Scene};
 use pellucid_rpnn::file::Provenance;
-use pellucid_rpnn::variant::INPUTS;
+use pellucid_rpnn::transform::LevelOrder;
+use pellucid_rpnn::variant::{CELLS_XYZ, INPUTS, LEVEL_INPUTS, LEVELS};
 use pellucid_rpnn::{Inference, Precision, RpnnError, Weights};
 use pellucid_stencil::{Coefficients, Features, StencilError, StencilSpec, Stencils, near_order};
 use pellucid_voxel::{Control, CountSat, Pitch, VoxelError};
 use rayon::prelude::*;
 
-/// Points whose stencils are in memory at a time, a thread: 7 MB in three channels.
+/// Points whose stencils are in memory at a time, a thread: 7 MB in three channels, half of it where they share
+/// coarse levels.
 const CHUNK: usize = 256;
 /// Coefficients that exceed the trained range by less are taken for equal.
 const SLACK: f64 = 1.01;
 /// Position of the point's own voxel within its stencil.
 const CENTRE: usize = 2 * 67;
+
+/// How neighbouring points share what the network makes of their coarse surroundings.
+///
+/// Points of one cubic block of voxels take the coarse levels of the stencil about the block's central voxel,
+/// and their own finest levels. This leaves out most of the work, since coarse cells hardly differ between
+/// neighbours; `docs/results/rpnn/rpnn.md` has what it costs in accuracy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sharing {
+    /// Finest levels that every point has for itself, 1 to 8.
+    pub fine_levels: usize,
+    /// Edge of a block in voxels, odd.
+    pub block: u32,
+}
+
+impl Default for Sharing {
+    /// Four levels of their own, the coarser ones shared by blocks of 5³ voxels.
+    fn default() -> Self {
+        Self { fine_levels: 4, block: 5 }
+    }
+}
 
 /// Predicts by the radiance-predicting neural network (Rittig et al. 2021): without noise, in a time that does
 /// not depend on how long light travels in the material.
@@ -25,6 +47,7 @@ pub struct Rpnn {
     weights: Weights,
     provenance: Provenance,
     precision: Precision,
+    sharing: Option<Sharing>,
     table: Option<CountSat>,
     /// Tiles changed since `table` was up to date; `None` when nobody said.
     changed: Option<Vec<u32>>,
@@ -32,9 +55,35 @@ pub struct Rpnn {
 }
 
 impl Rpnn {
-    /// A predictor with weights and what they were trained for.
+    /// A predictor with weights and what they were trained for. Points share coarse levels where the weights
+    /// read them first.
     pub fn new(weights: Weights, provenance: Provenance, precision: Precision) -> Self {
-        Self { weights, provenance, precision, table: None, changed: None, outside: 0 }
+        let sharing = (provenance.form.order == LevelOrder::CoarseToFine).then(Sharing::default);
+        Self { weights, provenance, precision, sharing, table: None, changed: None, outside: 0 }
+    }
+
+    /// The same with another way of sharing, or with all levels of every point its own.
+    ///
+    /// # Errors
+    /// [`PredictError`] when the block's edge is even, there are not 1 to 8 fine levels, or the weights read
+    /// their levels from fine to coarse.
+    pub fn with_sharing(mut self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
+        if let Some(s) = sharing {
+            if s.block % 2 == 0 || s.block > 255 || !(1..LEVELS).contains(&s.fine_levels) {
+                return Err(PredictError::invalid(
+                    "sharing",
+                    format!("{s:?}; blocks have odd edges up to 255, fine levels are 1 to 8"),
+                ));
+            }
+            if self.provenance.form.order != LevelOrder::CoarseToFine {
+                return Err(PredictError::unsupported(
+                    "sharing",
+                    "the weights read their levels from fine to coarse",
+                ));
+            }
+        }
+        self.sharing = sharing;
+        Ok(self)
     }
 
     /// A predictor with the weights that this library carries.
@@ -99,16 +148,79 @@ impl Rpnn {
         }
     }
 
-    /// Whether a raw stencil holds coefficients that training did not: more than its largest anywhere, or less
-    /// than its smallest in the point's own voxel. Elsewhere air makes means of any size below.
+    /// Whether a raw stencil, or its finest levels, holds coefficients that training did not: more than its
+    /// largest anywhere, or less than its smallest in the point's own voxel. Elsewhere air makes means of any
+    /// size below.
     fn is_outside(&self, stencil: &[f32]) -> bool {
         let [s, a] = [self.provenance.sigma_s_range, self.provenance.sigma_a_range];
-        let (most_s, most_a) = ((s[1] * SLACK) as f32, (a[1] * SLACK) as f32);
         let own = &stencil[CENTRE..CENTRE + 2];
         let little = |v: f32, least: f64| f64::from(v) * SLACK < least;
-        little(own[0], s[0])
-            || little(own[1], a[0])
-            || stencil.chunks_exact(2).fold(false, |any, v| any | (v[0] > most_s) | (v[1] > most_a))
+        little(own[0], s[0]) || little(own[1], a[0]) || self.exceeds(stencil)
+    }
+
+    /// Whether cells hold more than training's largest coefficients.
+    fn exceeds(&self, cells: &[f32]) -> bool {
+        let most = |range: [f64; 2]| (range[1] * SLACK) as f32;
+        let (most_s, most_a) = (most(self.provenance.sigma_s_range), most(self.provenance.sigma_a_range));
+        cells.chunks_exact(2).fold(false, |any, v| any | (v[0] > most_s) | (v[1] > most_a))
+    }
+}
+
+/// What a thread works with.
+struct Work<'a> {
+    rpnn: &'a Rpnn,
+    coefficients: &'a Coefficients,
+    /// All levels, for points on their own and for blocks.
+    whole: &'a Stencils<'a>,
+    /// The finest levels of points that share the others.
+    fine: Option<&'a Stencils<'a>>,
+    network: Inference,
+    stencils: Vec<f32>,
+}
+
+impl Work<'_> {
+    /// Radiance of some voxels `[voxel][channel]`, and how many of the values lie outside what training saw.
+    fn predict(&mut self, voxels: &[[u32; 3]], size: [u32; 3]) -> Result<(Vec<f32>, u64), PredictError> {
+        let mut radiance = vec![0.0; voxels.len() * self.coefficients.channels()];
+        let (Some(sharing), Some(fine)) = (self.rpnn.sharing, self.fine) else {
+            self.extract(self.whole, voxels)?;
+            self.network.radiance(&self.stencils, &mut radiance).map_err(from_rpnn)?;
+            let outside = self.stencils.chunks_exact(INPUTS).filter(|s| self.rpnn.is_outside(s)).count();
+            return Ok((radiance, outside as u64));
+        };
+        let mut blocks: Vec<[u32; 3]> = Vec::new();
+        let mut block_of = Vec::with_capacity(voxels.len());
+        for centre in voxels.iter().map(|v| sharing.centre(*v, size)) {
+            if blocks.last() != Some(&centre) {
+                blocks.push(centre);
+            }
+            block_of.push(blocks.len() as u32 - 1);
+        }
+        let channels = self.coefficients.channels() as u32;
+        let places: Vec<u32> =
+            block_of.iter().flat_map(|b| (0..channels).map(move |c| b * channels + c)).collect();
+        self.extract(self.whole, &blocks)?;
+        let coarse = sharing.fine_levels * LEVEL_INPUTS..;
+        let beyond: Vec<bool> =
+            self.stencils.chunks_exact(INPUTS).map(|s| self.rpnn.exceeds(&s[coarse.clone()])).collect();
+        let states = self.network.coarse_states(sharing.fine_levels, &self.stencils).map_err(from_rpnn)?;
+        self.extract(fine, voxels)?;
+        self.network.radiance_near(&states, &places, &self.stencils, &mut radiance).map_err(from_rpnn)?;
+        let samples = self.stencils.chunks_exact(sharing.fine_levels * LEVEL_INPUTS).zip(&places);
+        let outside = samples.filter(|(s, p)| self.rpnn.is_outside(s) || beyond[**p as usize]).count();
+        Ok((radiance, outside as u64))
+    }
+
+    fn extract(&mut self, of: &Stencils<'_>, voxels: &[[u32; 3]]) -> Result<(), PredictError> {
+        self.stencils.resize(voxels.len() * self.coefficients.values_per_point(of.spec()), 0.0);
+        of.extract(self.coefficients, voxels, &mut self.stencils, &Control::none()).map_err(from_stencil)
+    }
+}
+
+impl Sharing {
+    /// The central voxel of a voxel's block, within a grid of `size`.
+    fn centre(self, voxel: [u32; 3], size: [u32; 3]) -> [u32; 3] {
+        std::array::from_fn(|a| (voxel[a] / self.block * self.block + self.block / 2).min(size[a] - 1))
     }
 }
 
@@ -144,7 +256,20 @@ impl AppearancePredictor for Rpnn {
             Coefficients::all(scene.materials, Features::ScatterAbsorb).map_err(from_stencil)?;
         let stencils = Stencils::new(StencilSpec::paper(), scene.grid, &table).map_err(from_stencil)?;
         let voxels: Vec<[u32; 3]> = points.iter().map(|&p| scene.surface.voxels()[p as usize]).collect();
-        let order = near_order(&voxels);
+        // Points that share a block come one after another, and neighbouring blocks close together.
+        let size = scene.grid.size();
+        let near: Vec<[u32; 3]> = match self.sharing {
+            Some(sharing) => voxels.iter().map(|v| sharing.centre(*v, size)).collect(),
+            None => voxels.clone(),
+        };
+        let order = near_order(&near);
+        let fine = match self.sharing {
+            Some(sharing) => {
+                let spec = StencilSpec::new(CELLS_XYZ, sharing.fine_levels).map_err(from_stencil)?;
+                Some(Stencils::new(spec, scene.grid, &table).map_err(from_stencil)?)
+            }
+            None => None,
+        };
         let (done, outside) = (AtomicU64::new(0), AtomicU64::new(0));
         let network =
             Inference::new(&self.weights, self.provenance.form, self.precision).map_err(from_rpnn)?;
@@ -152,18 +277,19 @@ impl AppearancePredictor for Rpnn {
         let predicted = order
             .par_chunks(CHUNK)
             .map_init(
-                || (network.clone(), vec![0.0f32; CHUNK * channels * INPUTS]),
-                |(network, values), chunk| -> Result<Vec<f32>, PredictError> {
+                || Work {
+                    rpnn: self,
+                    coefficients: &coefficients,
+                    whole: &stencils,
+                    fine: fine.as_ref(),
+                    network: network.clone(),
+                    stencils: Vec::new(),
+                },
+                |work, chunk| -> Result<Vec<f32>, PredictError> {
                     control.check()?;
                     let near: Vec<[u32; 3]> = chunk.iter().map(|&i| voxels[i as usize]).collect();
-                    let values = &mut values[..chunk.len() * channels * INPUTS];
-                    stencils
-                        .extract(&coefficients, &near, values, &control.silent())
-                        .map_err(from_stencil)?;
-                    let mut radiance = vec![0.0; chunk.len() * channels];
-                    network.radiance(values, &mut radiance).map_err(from_rpnn)?;
-                    let count = values.chunks_exact(INPUTS).filter(|v| self.is_outside(v)).count();
-                    outside.fetch_add(count as u64, Ordering::Relaxed);
+                    let (radiance, count) = work.predict(&near, size)?;
+                    outside.fetch_add(count, Ordering::Relaxed);
                     control.advance(&done, chunk.len() as u64, points.len() as u64);
                     Ok(radiance)
                 },
