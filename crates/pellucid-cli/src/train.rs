@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use clap::ValueEnum;
 use pellucid::dataset::generate::labels_of;
 use pellucid::dataset::samples::Sampler;
-use pellucid::dataset::{Recipe, Stream, StreamOptions};
+use pellucid::dataset::{Recipe, StoredVolumes, Stream, StreamOptions};
 use pellucid::rpnn::file::{Provenance, save};
 use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
 use pellucid::rpnn::transform::{InputForm, LevelOrder};
@@ -29,9 +29,12 @@ const UNPLANNED: u64 = 1 << 20;
 /// Trains the appearance network on procedural volumes
 #[derive(clap::Args)]
 pub struct Args {
-    /// Data set recipe in JSON
-    #[arg(long, value_name = "FILE")]
-    recipe: PathBuf,
+    /// Data set recipe in JSON, whose volumes are made while they are used
+    #[arg(long, value_name = "FILE", required_unless_present = "stored")]
+    recipe: Option<PathBuf>,
+    /// Files made by `pellucid dataset generate`, all parts of one split, to train on instead
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["recipe", "split", "spp", "points"])]
+    stored: Vec<PathBuf>,
     /// Folder for weights.safetensors, the checkpoint run.safetensors, curve.csv and curve.svg
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -172,13 +175,25 @@ type Error = Box<dyn std::error::Error + Send + Sync>;
 
 fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let control = Control::none().with_cancel(cancel);
-    let recipe = Recipe::read(&args.recipe)?;
+    let stored = match args.stored.is_empty() {
+        true => None,
+        false => Some(StoredVolumes::load(&args.stored)?),
+    };
+    let materials =
+        stored.as_ref().map_or_else(MaterialTable::cmykw, |stored| stored.header().materials.clone());
+    let recipe = match (&stored, &args.recipe) {
+        (Some(stored), _) => stored.header().recipe.clone(),
+        (None, Some(path)) => Recipe::read(path)?,
+        (None, None) => return Err("--recipe or --stored is needed".into()),
+    };
     let boundary = Boundary::with_index(recipe.refractive_index)?;
-    let materials = MaterialTable::cmykw();
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let state = args.out.join("run.safetensors");
     let mut trainer = start_or_resume(args, &state)?;
-    let split = recipe.split(&args.split)?;
+    let split = match &stored {
+        Some(stored) => stored.header().split()?.clone(),
+        None => recipe.split(&args.split)?.clone(),
+    };
     let options = StreamOptions {
         batch: trainer.settings().batch,
         window: args.window,
@@ -191,9 +206,12 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let validation = (args.validation != "none")
         .then(|| labelled(&recipe, &args.validation, &materials, boundary, &control))
         .transpose()?;
-    let trained = Sampler::new(&recipe, &args.split, &materials, boundary)?;
+    let trained = Sampler::new(&recipe, &split.name, &materials, boundary)?;
     let provenance = |trainer: &Trainer| provenance(trainer, &recipe, trained.materials(), &options);
-    let stream = Stream::new(&recipe, &args.split, &materials, options.clone())?;
+    let stream = match stored {
+        Some(stored) => Stream::stored(stored, options.clone())?,
+        None => Stream::new(&recipe, &split.name, &materials, options.clone())?,
+    };
     let mut source = Source(stream, control);
 
     let (start, first_step) = (Instant::now(), trainer.steps_done());

@@ -14,6 +14,7 @@
 //! | [`generate`](mod@generate) | files of labelled points: made in shards, resumed, verified |
 //! | [`set_file`] | their format |
 //! | [`set`] | such a set in memory |
+//! | [`stored`] | its volumes as the files hold them |
 //! | [`stream`] | an endless stream of training batches |
 #![forbid(unsafe_code)]
 
@@ -27,6 +28,7 @@ pub mod samples;
 pub mod set;
 pub mod set_file;
 pub mod shape;
+pub mod stored;
 pub mod stream;
 pub mod texture;
 pub mod volume;
@@ -37,4 +39,5 @@ pub use recipe::{Recipe, ShapeClass, Split};
 pub use samples::{Labels, STENCIL_VALUES, Sampler, Samples};
 pub use set::LabelledSet;
 pub use set_file::{SetHeader, Shard};
+pub use stored::StoredVolumes;
 pub use stream::{Stream, StreamOptions};

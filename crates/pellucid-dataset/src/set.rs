@@ -4,12 +4,11 @@ use std::path::Path;
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use pellucid_voxel::{AIR, Control};
+use pellucid_voxel::Control;
 
-use crate::generate::{check_complete, sampler_of};
-use crate::samples::{STENCIL_VALUES, digest};
-use crate::set_file::{self, Contents, SetHeader, Shard, unsupported};
-use crate::{DatasetError, ShapeClass};
+use crate::samples::STENCIL_VALUES;
+use crate::set_file::SetHeader;
+use crate::{DatasetError, ShapeClass, StoredVolumes};
 
 /// Most samples held: 4.9 GB.
 const MAX_SAMPLES: u64 = 1_000_000;
@@ -36,40 +35,13 @@ impl LabelledSet {
     /// the others, or comes from a version whose volumes were different; [`DatasetError::Invalid`] when a
     /// shard is missing; [`DatasetError::Cancelled`].
     pub fn load<P: AsRef<Path>>(paths: &[P], control: &Control<'_>) -> Result<Self, DatasetError> {
-        let mut files: Vec<(&Path, Contents)> = Vec::new();
-        for path in paths.iter().map(AsRef::as_ref) {
-            let there = set_file::read(path)?;
-            check_complete(path, &there)?;
-            files.push((path, there));
-        }
-        let Some((_, first)) = files.first() else {
-            return Err(DatasetError::invalid("files", "needs at least one"));
-        };
-        let header = SetHeader { shard: Shard::WHOLE, ..first.header.clone() };
-        let count = first.header.shard.count;
-        for (path, there) in &files {
-            let same = SetHeader { shard: Shard::WHOLE, ..there.header.clone() } == header;
-            if !same || there.header.shard.count != count {
-                return Err(unsupported(path, "recipe", "it is of another set than the first file"));
-            }
-        }
-        let mut shards: Vec<u32> = files.iter().map(|(_, there)| there.header.shard.index).collect();
-        shards.sort_unstable();
-        if !shards.iter().copied().eq(0..count) {
-            return Err(DatasetError::invalid(
-                "files",
-                format!("parts {shards:?} of {count}; all are needed once"),
-            ));
-        }
-        let mut records: Vec<_> =
-            files.iter().flat_map(|(path, there)| there.records.iter().map(move |r| (*path, r))).collect();
-        records.sort_by_key(|(_, record)| record.volume);
-        let samples: u64 = records.iter().map(|(_, r)| r.radiance.len() as u64).sum();
+        let stored = StoredVolumes::load(paths)?;
+        let samples = stored.samples();
         if samples > MAX_SAMPLES {
             return Err(DatasetError::invalid("files", format!("{samples} samples; at most {MAX_SAMPLES}")));
         }
+        let header = stored.header();
         let split = header.split()?;
-        let sampler = sampler_of(&header)?;
         let mut set = Self {
             volumes: Vec::new(),
             classes: Vec::new(),
@@ -79,19 +51,11 @@ impl LabelledSet {
             std_error: Vec::new(),
             header: header.clone(),
         };
-        for (i, (path, record)) in records.iter().enumerate() {
-            control.report(i as u64, records.len() as u64);
+        for at in 0..stored.len() {
+            control.report(at as u64, stored.len() as u64);
             control.check()?;
-            let grid = sampler.grid(record.volume)?;
-            let voxels: Vec<[u32; 3]> = record.voxels.iter().map(|v| v.map(u32::from)).collect();
-            if digest(&grid) != record.digest || voxels.iter().any(|v| grid.at(v.map(i64::from)) == AIR) {
-                return Err(unsupported(
-                    path,
-                    &format!("volume {}", record.volume),
-                    "this version makes another one of the recipe; generate the set again",
-                ));
-            }
-            set.stencils.extend(sampler.stencils(&grid, &voxels, &control.silent())?);
+            let record = stored.record(at);
+            set.stencils.extend(stored.stencils(at, &control.silent())?);
             set.volumes.push(record.volume);
             set.classes.push(header.recipe.class(split, record.volume));
             set.voxels.extend(&record.voxels);

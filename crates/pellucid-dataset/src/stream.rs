@@ -1,4 +1,4 @@
-//! An endless stream of training batches, made while they are used.
+//! An endless stream of training batches, of fresh volumes made while they are used or of a stored set.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,7 +13,7 @@ use pellucid_voxel::{Control, MaterialTable};
 use rayon::prelude::*;
 
 use crate::samples::{Labels, STENCIL_VALUES, Sampler, permutation};
-use crate::{DatasetError, Recipe};
+use crate::{DatasetError, Recipe, StoredVolumes};
 
 /// What a stream consists of.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,10 +145,29 @@ impl Stream {
         materials: &MaterialTable,
         options: StreamOptions,
     ) -> Result<Self, DatasetError> {
-        options.check()?;
         let sampler = Sampler::new(recipe, split, materials, options.boundary)?;
+        Self::of(Volumes::Fresh(Box::new(sampler)), options)
+    }
+
+    /// A stream of a finished set's volumes with the labels they have, over and over, in another order each
+    /// time. Points, paths and boundary are the set's; stencils are made anew.
+    ///
+    /// # Errors
+    /// As [`Stream::new`]; [`Stream::batch`] fails when this version makes other volumes of the recipe.
+    pub fn stored(volumes: StoredVolumes, options: StreamOptions) -> Result<Self, DatasetError> {
+        let split = volumes.header().split()?;
+        let boundary = Boundary::with_index(volumes.header().recipe.refractive_index)?;
+        let options = StreamOptions { points: split.points, spp: split.spp, boundary, ..options };
+        if volumes.is_empty() {
+            return Err(DatasetError::invalid("files", "hold no volume"));
+        }
+        Self::of(Volumes::Stored(Box::new(volumes)), options)
+    }
+
+    fn of(volumes: Volumes, options: StreamOptions) -> Result<Self, DatasetError> {
+        options.check()?;
         let samples = (u64::from(options.window / 2) * u64::from(options.points))
-            .saturating_mul(sampler.channels() as u64);
+            .saturating_mul(volumes.channels() as u64);
         if samples >= u64::from(LATER) || samples < options.batch as u64 {
             return Err(DatasetError::invalid(
                 "window and points",
@@ -167,7 +186,7 @@ impl Stream {
             .spawn(move || {
                 for job in queue {
                     let control = Control::none().with_cancel(&job.cancel);
-                    let block = pool.install(|| make_block(&sampler, &settings, job.block, &control));
+                    let block = pool.install(|| make_block(&volumes, &settings, job.block, &control));
                     // Nobody listens any more: the stream is gone.
                     if send.send((job.ticket, block)).is_err() {
                         return;
@@ -332,14 +351,53 @@ impl Drop for Stream {
     }
 }
 
+/// Where the samples of a volume come from.
+enum Volumes {
+    /// Made and traced.
+    Fresh(Box<Sampler>),
+    /// Labelled before.
+    Stored(Box<StoredVolumes>),
+}
+
+impl Volumes {
+    fn channels(&self) -> usize {
+        match self {
+            Self::Fresh(sampler) => sampler.channels(),
+            Self::Stored(stored) => stored.sampler().channels(),
+        }
+    }
+
+    /// Stencils and radiance of volume number `i` of the stream.
+    fn samples(
+        &self,
+        i: u64,
+        options: &StreamOptions,
+        control: &Control<'_>,
+    ) -> Result<(Vec<f16>, Vec<f32>), DatasetError> {
+        match self {
+            Self::Fresh(sampler) => {
+                let labels = Labels::Paths(options.spp);
+                let samples = sampler.samples(i as u32, options.points, labels, control)?;
+                Ok((samples.stencils, samples.radiance))
+            }
+            Self::Stored(stored) => {
+                let (turn, i) = (i / stored.len() as u64, (i % stored.len() as u64) as usize);
+                let order = permutation(stored.len(), crate::draw::rng(options.seed, 5, turn));
+                let at = order[i] as usize;
+                Ok((stored.stencils(at, control)?, stored.record(at).radiance.clone()))
+            }
+        }
+    }
+}
+
 fn make_block(
-    sampler: &Sampler,
+    source: &Volumes,
     options: &StreamOptions,
     block: u64,
     control: &Control<'_>,
 ) -> Result<Block, DatasetError> {
     let volumes = u64::from(options.window / 2);
-    let per_volume = options.points as usize * sampler.channels();
+    let per_volume = options.points as usize * source.channels();
     let mut stencils = vec![f16::ZERO; volumes as usize * per_volume * STENCIL_VALUES];
     let mut radiance = vec![0.0; volumes as usize * per_volume];
     stencils
@@ -348,10 +406,9 @@ fn make_block(
         .enumerate()
         .try_for_each(|(i, (stencils, radiance))| {
             control.check()?;
-            let volume = (block * volumes) as u32 + i as u32;
-            let samples = sampler.samples(volume, options.points, Labels::Paths(options.spp), control)?;
-            stencils.copy_from_slice(&samples.stencils);
-            radiance.copy_from_slice(&samples.radiance);
+            let made = source.samples(block * volumes + i as u64, options, control)?;
+            stencils.copy_from_slice(&made.0);
+            radiance.copy_from_slice(&made.1);
             Ok::<(), DatasetError>(())
         })?;
     Ok(Block { stencils, radiance })

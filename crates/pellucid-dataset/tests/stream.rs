@@ -6,7 +6,8 @@ use half::f16;
 use pellucid_dataset::blue_noise::BlueNoise;
 use pellucid_dataset::volume::fill;
 use pellucid_dataset::{
-    DatasetError, Labels, Recipe, STENCIL_VALUES, Sampler, ShapeClass, Split, Stream, StreamOptions,
+    DatasetError, LabelledSet, Labels, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass, Shard, Split,
+    StoredVolumes, Stream, StreamOptions, generate,
 };
 use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, MaterialTable, Pitch, Surface, SurfaceOptions};
@@ -146,6 +147,45 @@ fn a_sample_is_what_its_volume_says() {
             assert!(difference.abs() <= 5.0 * error + 1e-6, "{i}: {difference} {error}");
         }
     }
+}
+
+#[test]
+fn a_stored_set_comes_over_and_over_in_other_orders() {
+    let folder = tempfile::tempdir().unwrap();
+    let header = SetHeader {
+        recipe: recipe(),
+        split: "dense".into(),
+        materials: MaterialTable::cmykw(),
+        shard: Shard::WHOLE,
+    };
+    let path = generate(folder.path(), &header, &Control::none()).unwrap();
+    let set = LabelledSet::load(&[&path], &Control::none()).unwrap();
+    // Four volumes of 30 samples: windows of 60, two of them hold as much as the set.
+    let options = StreamOptions { batch: 60, window: 4, ..options() };
+    let stored = || Stream::stored(StoredVolumes::load(&[&path]).unwrap(), options.clone()).unwrap();
+    let mut stream = stored();
+    assert_eq!((stream.options().points, stream.options().spp), (10, 4));
+    let key = |stencil: &[f32], radiance: f32| {
+        (stencil.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), radiance.to_bits())
+    };
+    let mut all = vec![0.0; set.len() * STENCIL_VALUES];
+    set.stencils(0, &mut all);
+    let known: Vec<_> =
+        all.chunks_exact(STENCIL_VALUES).zip(set.radiance()).map(|(s, r)| key(s, *r)).collect();
+    let mut counts = vec![0; known.len()];
+    let mut orders = Vec::new();
+    for window in 0..16 {
+        let (stencils, radiance) = batch(&mut stream, window);
+        for (stencil, radiance) in stencils.chunks_exact(STENCIL_VALUES).zip(&radiance) {
+            let sample = key(stencil, *radiance);
+            counts[known.iter().position(|k| *k == sample).expect("a label of the set")] += 1;
+        }
+        assert!(!orders.contains(&radiance), "window {window} comes twice");
+        orders.push(radiance);
+    }
+    // Eight turns, of which half of the first and of the last block are left out.
+    assert!(counts.iter().all(|n| (6..=10).contains(n)), "{counts:?}");
+    assert_eq!(batch(&mut stored(), 11).1, orders[11]);
 }
 
 /// Mean sigma_s and sigma_a over one cell, summed voxel by voxel with weights.
