@@ -32,6 +32,10 @@ pub enum RpnnError {
         /// The source's own reason.
         reason: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// The reference engine failed.
+    #[cfg(feature = "candle")]
+    #[error("candle: {0}")]
+    Candle(#[from] candle_core::Error),
     /// A file could not be read or written.
     #[error("{path}: {reason}")]
     Io {

@@ -259,7 +259,7 @@ impl Network {
         let summed = rows / n.max(1);
         for (i, term) in self.terms[..rows].iter_mut().enumerate() {
             let sample = i / summed;
-            *term = if out[sample] > 0.0 { d_out[sample] } else { d_out[sample].min(0.0) };
+            *term = through_output(out[sample], d_out[sample]);
         }
         let terms = &self.terms[..rows];
         let (d2, d1) = (&mut self.d_mid[..used], &mut self.d_next[..used]);
@@ -304,6 +304,11 @@ impl Network {
             }
         }
     }
+}
+
+/// The derivative that passes an output's ReLU: see [`Network::backward`].
+pub(crate) fn through_output(out: f32, d_out: f32) -> f32 {
+    if out > 0.0 { d_out } else { d_out.min(0.0) }
 }
 
 /// Rows and row width of the layers that octants share, for `n` samples.

@@ -1,14 +1,16 @@
 //! The network on candle: the readable reference, and the oracle of the hand-written gradients.
 
-use candle_core::{DType, Device, Result, Tensor, Var};
+use candle_core::backprop::GradStore;
+use candle_core::{DType, Device, Result, Tensor, Var, bail};
 
-use crate::Weights;
-use crate::variant::{CELLS, FEATURES, LEVEL_INPUTS, LEVELS, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::variant::{CELLS, FEATURES, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::{Variant, Weights};
 
 /// A variant whose parameters are candle variables.
 #[derive(Debug)]
 pub struct CandleNetwork {
-    weights: Weights,
+    variant: Variant,
+    layout: Layout,
     parameters: Vec<(Var, Option<Var>)>,
     octants: Tensor,
 }
@@ -36,7 +38,7 @@ impl CandleNetwork {
             .collect::<Result<_>>()?;
         let order: Vec<u32> = (0..OCTANTS).flat_map(|o| octant_gather(o).map(u32::from)).collect();
         let octants = Tensor::from_vec(order, OCTANTS * OCTANT_INPUTS, device)?;
-        Ok(Self { weights: weights.clone(), parameters, octants })
+        Ok(Self { variant: weights.variant(), layout: weights.layout().clone(), parameters, octants })
     }
 
     /// The variables in layout order: matrix, and bias where the layer has one.
@@ -44,16 +46,46 @@ impl CandleNetwork {
         &self.parameters
     }
 
-    /// Radiance `[samples]` of inputs `[samples][9][270]` after the feature transform.
+    /// Copies other parameters into the same variables. A result computed before has no valid gradient then.
+    ///
+    /// # Errors
+    /// When the weights belong to another variant.
+    pub fn load(&mut self, weights: &Weights) -> Result<()> {
+        if weights.variant() != self.variant {
+            bail!("weights of {} for a network of {}", weights.variant().name(), self.variant.name());
+        }
+        let values = weights.values();
+        for (layer, (weight, bias)) in self.layout.layers.iter().zip(&self.parameters) {
+            weight.set(&Tensor::from_slice(
+                &values[layer.weight.clone()],
+                weight.shape(),
+                weight.device(),
+            )?)?;
+            if let Some(bias) = bias {
+                bias.set(&Tensor::from_slice(&values[layer.bias.clone()], bias.shape(), bias.device())?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Radiance `[samples]` of inputs `[samples][9][270]` in the input form that the weights were trained on.
     ///
     /// # Errors
     /// When the shape is another.
     pub fn forward(&self, inputs: &Tensor) -> Result<Tensor> {
+        relu(&self.sums(inputs)?)
+    }
+
+    /// [`CandleNetwork::forward`] before its last ReLU: negative where an output is cut off to zero.
+    ///
+    /// # Errors
+    /// When the shape is another.
+    pub fn sums(&self, inputs: &Tensor) -> Result<Tensor> {
         let (n, _) = inputs.reshape(((), LEVELS * CELLS * FEATURES))?.dims2()?;
         let inputs = inputs.reshape((n, LEVELS, LEVEL_INPUTS))?;
-        let layout = self.weights.layout();
-        let width = self.weights.variant().width();
-        let shares_octants = self.weights.variant().shares_octants();
+        let layout = &self.layout;
+        let width = self.variant.width();
+        let shares_octants = self.variant.shares_octants();
         let mut previous = Tensor::zeros((n, width), DType::F32, inputs.device())?;
         for (k, block) in layout.blocks.iter().enumerate() {
             let mut value = inputs.narrow(1, k, 1)?.squeeze(1)?.contiguous()?;
@@ -61,8 +93,8 @@ impl CandleNetwork {
                 value = value.index_select(&self.octants, 1)?.reshape((n * OCTANTS, OCTANT_INPUTS))?;
             }
             if let Some([first, second]) = block.entry {
-                value = self.dense(first, &value)?.relu()?;
-                value = self.dense(second, &value)?.relu()?;
+                value = relu(&self.dense(first, &value)?)?;
+                value = relu(&self.dense(second, &value)?)?;
             }
             value = value.reshape((n, width))?;
             previous = match block.bc {
@@ -71,15 +103,33 @@ impl CandleNetwork {
                     if let Some(a) = block.a {
                         value = self.dense(a, &value)?;
                     }
-                    let mixed = (value + self.dense(b, &previous)?)?.relu()?;
-                    (self.dense(c, &mixed)? + previous)?.relu()?
+                    let mixed = relu(&(value + self.dense(b, &previous)?)?)?;
+                    relu(&(self.dense(c, &mixed)? + previous)?)?
                 }
             };
         }
         let rows = if shares_octants { previous.reshape((n * OCTANTS, OCTANT_INPUTS))? } else { previous };
         let [e1, e2, e3] = layout.end;
-        let hidden = self.dense(e2, &self.dense(e1, &rows)?.relu()?)?.relu()?;
-        self.dense(e3, &hidden)?.reshape((n, ()))?.sum(1)?.relu()
+        let hidden = relu(&self.dense(e2, &relu(&self.dense(e1, &rows)?)?)?)?;
+        self.dense(e3, &hidden)?.reshape((n, ()))?.sum(1)
+    }
+
+    /// Adds the variables' gradients to a flat vector laid out like the weights.
+    ///
+    /// # Errors
+    /// When the vector's length is not the weights'.
+    pub fn add_gradients(&self, gradients: &GradStore, gradient: &mut [f32]) -> Result<()> {
+        if gradient.len() != self.layout.parameters {
+            bail!("a gradient of {} values for {} parameters", gradient.len(), self.layout.parameters);
+        }
+        for (layer, (weight, bias)) in self.layout.layers.iter().zip(&self.parameters) {
+            for (var, range) in [(Some(weight), &layer.weight), (bias.as_ref(), &layer.bias)] {
+                let Some(of_var) = var.and_then(|var| gradients.get(var)) else { continue };
+                let of_var = of_var.flatten_all()?.to_vec1::<f32>()?;
+                gradient[range.clone()].iter_mut().zip(of_var).for_each(|(sum, g)| *sum += g);
+            }
+        }
+        Ok(())
     }
 
     fn dense(&self, layer: usize, input: &Tensor) -> Result<Tensor> {
@@ -90,4 +140,10 @@ impl CandleNetwork {
             None => Ok(product),
         }
     }
+}
+
+/// ReLU whose derivative at zero is zero, as in [`Network`](crate::Network); it is one in candle's own. Sums
+/// are exactly zero where only zeros come in and the bias is zero, as it is when a run starts.
+fn relu(sums: &Tensor) -> Result<Tensor> {
+    sums * sums.gt(0.0)?.to_dtype(sums.dtype())?
 }

@@ -1,11 +1,13 @@
-//! The network on candle against the packed one: outputs and gradients.
+//! The network on candle against the packed one: outputs, gradients and training runs.
 
 mod common;
 
 use candle_core::{Device, Tensor};
-use common::{inputs, weights};
-use pellucid_rpnn::variant::{LEVEL_INPUTS, LEVELS};
-use pellucid_rpnn::{Network, Precision, Variant, reference::CandleNetwork};
+use common::{inputs, uniform, weights};
+use pellucid_rpnn::train::{Engine, SampleSource, TrainSettings, Trainer};
+use pellucid_rpnn::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use pellucid_rpnn::{Network, Precision, RpnnError, Variant, reference::CandleNetwork};
+use rand_pcg::Pcg64;
 
 #[test]
 fn outputs_agree() {
@@ -64,4 +66,121 @@ fn gradients_agree_with_candle_and_reach_every_parameter_tensor() {
             }
         }
     }
+}
+
+#[test]
+fn loading_replaces_every_parameter() {
+    let variant = Variant::SharedLevelsAndOctants;
+    let mut model = CandleNetwork::new(&weights(variant, 3)).unwrap();
+    let other = weights(variant, 4);
+    model.load(&other).unwrap();
+    let fresh = CandleNetwork::new(&other).unwrap();
+    let values = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    for ((weight, bias), (fresh_weight, fresh_bias)) in model.parameters().iter().zip(fresh.parameters()) {
+        assert_eq!(values(weight), values(fresh_weight));
+        assert_eq!(bias.as_ref().map(|b| values(b)), fresh_bias.as_ref().map(|b| values(b)));
+    }
+    assert!(model.load(&weights(Variant::SharedLevels, 3)).is_err());
+}
+
+/// Uniform media whose radiance is known, below a surface at a random height; every eighth stencil is empty.
+struct Surfaces;
+
+impl SampleSource for Surfaces {
+    fn batch(
+        &mut self,
+        index: u64,
+        stencils: &mut [f32],
+        radiance: &mut [f32],
+    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        let mut rng = Pcg64::new(u128::from(index), 78);
+        for (i, (sample, radiance)) in stencils.chunks_exact_mut(INPUTS).zip(radiance).enumerate() {
+            let scattering = 2.0 + 10.0 * uniform(&mut rng);
+            let absorption = 0.01 * 200f32.powf(uniform(&mut rng));
+            let height = if i % 8 == 5 { 0 } else { 3 + (7.0 * uniform(&mut rng)) as usize };
+            for level in sample.chunks_exact_mut(LEVEL_INPUTS) {
+                for (z, slice) in level.chunks_exact_mut(LEVEL_INPUTS / 9).enumerate() {
+                    let medium = if z < height { [scattering, absorption] } else { [0.0; 2] };
+                    slice.chunks_exact_mut(2).for_each(|cell| cell.copy_from_slice(&medium));
+                }
+            }
+            *radiance = (-(absorption / (absorption + scattering)).sqrt() * 2.0).exp();
+        }
+        Ok(())
+    }
+}
+
+fn settings(variant: Variant) -> TrainSettings {
+    TrainSettings { variant, steps: 20, warm_up: 4, batch: 16, ..Default::default() }
+}
+
+fn distance(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(&a, &b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Trains both and compares every loss and gradient, and the weights at the end with the way they have come.
+fn assert_same_run(mut own: Trainer, mut candle: Trainer) {
+    assert_eq!((own.engine(), candle.engine()), (Engine::Own, Engine::Candle));
+    let variant = own.settings().variant;
+    let start = own.weights().clone();
+    while !own.finished() {
+        let (a, b) = (own.step(&mut Surfaces).unwrap(), candle.step(&mut Surfaces).unwrap());
+        eprintln!(
+            "{variant:?} {} {:e} {:e}  {} {}",
+            a.step,
+            (a.loss - b.loss).abs() / b.loss,
+            (a.gradient_norm - b.gradient_norm).abs() / b.gradient_norm,
+            a.loss,
+            a.gradient_norm
+        );
+    }
+    let travelled = distance(own.weights().values(), start.values());
+    let apart = distance(own.weights().values(), candle.weights().values());
+    eprintln!("{variant:?} {apart:e} of {travelled} = {:e}", apart / travelled);
+}
+
+#[test]
+fn engines_train_alike() {
+    for variant in Variant::ALL {
+        let own = Trainer::new(settings(variant)).unwrap();
+        let candle = own.clone().with_engine(Engine::Candle).unwrap();
+        assert_same_run(own, candle);
+    }
+}
+
+#[test]
+fn engines_raise_outputs_that_are_cut_off_alike() {
+    let settings = TrainSettings { mean_radiance: -1.0, ..settings(Variant::SharedLevelsAndOctants) };
+    let own = Trainer::new(settings.clone()).unwrap();
+    let candle = own.clone().with_engine(Engine::Candle).unwrap();
+    assert_same_run(own, candle);
+}
+
+#[test]
+fn candle_goes_on_from_a_checkpoint_of_the_own_engine_and_its_clones_are_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.safetensors");
+    let mut own = Trainer::new(settings(Variant::SharedLevelsAndOctants)).unwrap();
+    for _ in 0..5 {
+        own.step(&mut Surfaces).unwrap();
+    }
+    own.save(&path).unwrap();
+    let resumed = Trainer::resume(&path).unwrap();
+    assert_eq!(resumed.engine(), Engine::Own);
+    let mut candle = resumed.with_engine(Engine::Candle).unwrap();
+    candle.step(&mut Surfaces).unwrap();
+    own.step(&mut Surfaces).unwrap();
+    let mut copy = candle.clone();
+    let mut reports = |trainer: &mut Trainer| trainer.step(&mut Surfaces).unwrap();
+    assert_eq!(reports(&mut copy), reports(&mut candle));
+    assert_eq!(copy.weights(), candle.weights());
+    own.step(&mut Surfaces).unwrap();
+    assert_same_run(own, candle);
+}
+
+#[test]
+fn candle_has_no_bf16() {
+    let settings = TrainSettings { precision: Precision::Bf16, ..settings(Variant::SharedLevels) };
+    let error = Trainer::new(settings).unwrap().with_engine(Engine::Candle).unwrap_err();
+    assert!(matches!(&error, RpnnError::Invalid { field, .. } if field == "precision"), "{error}");
 }

@@ -1,6 +1,6 @@
 //! The network as a predictor: what it computes does not depend on how.
 
-use pellucid::predictor::Rpnn;
+use pellucid::predictor::{Rpnn, Sharing};
 use pellucid::refine::{AppearancePredictor, PredictError, Scene};
 use pellucid::rpnn::file::Provenance;
 use pellucid::rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
@@ -104,4 +104,32 @@ fn what_training_did_not_see_is_counted_or_refused() {
     assert!(rpnn.predict(&scene, &[0], 0, &mut out[..2], &Control::none()).is_err());
     assert!(rpnn.predict(&scene, &[u32::MAX], 0, &mut out, &Control::none()).is_err());
     assert!(rpnn.check(1.0, Pitch::j750()).is_err() && rpnn.check(1.5, Pitch::j750()).is_ok());
+}
+
+#[test]
+fn blocks_of_one_voxel_share_with_nobody_and_larger_ones_hardly_matter() {
+    let (grid, surface) = block();
+    let points: Vec<u32> = (0..surface.len() as u32).step_by(5).collect();
+    let sharing = |s| predictor(provenance()).with_sharing(s);
+    let whole = predict(&mut sharing(None).unwrap(), &grid, &surface, &points);
+    for fine_levels in [1, 4, 8] {
+        let alone = Some(Sharing { fine_levels, block: 1 });
+        assert_eq!(predict(&mut sharing(alone).unwrap(), &grid, &surface, &points), whole);
+    }
+    let difference = |s: Sharing| {
+        let shared = predict(&mut sharing(Some(s)).unwrap(), &grid, &surface, &points);
+        let squares = |v: &mut dyn Iterator<Item = f32>| v.map(|d| f64::from(d * d)).sum::<f64>();
+        let spread = squares(&mut whole.iter().map(|v| v - whole.iter().sum::<f32>() / whole.len() as f32));
+        (squares(&mut shared.iter().zip(&whole).map(|(a, b)| a - b)) / spread).sqrt()
+    };
+    let (little, much) =
+        (difference(Sharing { fine_levels: 6, block: 3 }), difference(Sharing { fine_levels: 1, block: 15 }));
+    assert!(little > 0.0 && little < 0.1 && much > 2.0 * little, "{little} {much}");
+    for (fine_levels, block) in [(0, 3), (9, 3), (4, 2), (4, 0)] {
+        assert!(sharing(Some(Sharing { fine_levels, block })).is_err());
+    }
+    let mut paper = provenance();
+    paper.form.order = LevelOrder::FineToCoarse;
+    assert!(predictor(paper.clone()).with_sharing(Some(Sharing::default())).is_err());
+    predict(&mut predictor(paper), &grid, &surface, &points);
 }

@@ -12,6 +12,7 @@ use pellucid::color::MixtureModel;
 use pellucid::dataset::LabelledSet;
 use pellucid::predictor::Rpnn;
 use pellucid::rpnn::file::Provenance;
+use pellucid::rpnn::transform::LevelOrder;
 use pellucid::rpnn::{Inference, Precision, Weights};
 use pellucid::voxel::Control;
 
@@ -60,8 +61,19 @@ impl Candidate {
         Ok(Self { name, weights, provenance, precision })
     }
 
+    /// The predictor as prints use it.
     fn predictor(&self) -> Rpnn {
         Rpnn::new(self.weights.clone(), self.provenance.clone(), self.precision)
+    }
+
+    /// Whether that predictor lets neighbours share coarse levels.
+    fn shares(&self) -> bool {
+        self.provenance.form.order == LevelOrder::CoarseToFine
+    }
+
+    /// The name of [`Candidate::predictor`] in tables.
+    fn name_in_use(&self) -> String {
+        if self.shares() { format!("{}, coarse levels shared", self.name) } else { self.name.clone() }
     }
 
     fn inference(&self) -> Result<Inference, Error> {
@@ -112,7 +124,7 @@ fn study(args: &Args, control: &Control<'_>) -> Result<(), Error> {
             );
         }
         if DRAWN.contains(&name.as_str()) {
-            let spp = output::equal_time_paths(&rows[from..], &candidates[0].name);
+            let spp = output::equal_time_paths(&rows[from..], &candidates[0].name_in_use());
             let file = format!("{name}.png");
             pictures::draw(&args.out.join(&file), &set, white, &candidates[0], spp, args.edge, control)?;
             seen.push((file, name, spp));

@@ -38,7 +38,8 @@ pub fn markdown(rows: &[Row], candidates: &[Candidate], pictures: &[(String, Str
          Written by `pellucid study rpnn`. A sample is one surface point in one channel. RMSE and bias are in linear \
          radiance, 0 to 1, the labels' own variance taken out of the RMSE; dE2000 is the mean over points relative to \
          the print's white, label noise included. Times are processor time on one thread; a network's contains the \
-         extraction of its stencils, not the summed-area table. Monte Carlo is this project's vectorised tracer, timed at its largest number of paths and \
+         extraction of its stencils, not the summed-area table. \"Coarse levels shared\" is the network as prints use \
+         it: the points of a block of 5 x 5 x 5 voxels share what it makes of the five coarsest levels. Monte Carlo is this project's vectorised tracer, timed at its largest number of paths and \
          in proportion below.\n\n",
     );
     for c in candidates {
@@ -65,12 +66,13 @@ pub fn markdown(rows: &[Row], candidates: &[Candidate], pictures: &[(String, Str
             );
         }
     }
-    out.push_str("\n## By shape, at equal time\n\nThe first network; `rpnn.csv` has all. Monte Carlo's RMSE is scaled from its largest number of paths to the network's time of the set, as the inverse root of the number of paths.\n\n| set | shape | samples | network's RMSE | Monte Carlo paths in its time | their RMSE |\n| --- | --- | ---: | ---: | ---: | ---: |\n");
+    out.push_str("\n## By shape, at equal time\n\nThe first network as prints use it; `rpnn.csv` has all. Monte Carlo's RMSE is scaled from its largest number of paths to the network's time of the set, as the inverse root of the number of paths.\n\n| set | shape | samples | network's RMSE | Monte Carlo paths in its time | their RMSE |\n| --- | --- | ---: | ---: | ---: | ---: |\n");
     for set in &sets {
         let of_set: Vec<&Row> = rows.iter().filter(|r| r.set == *set).collect();
         let most = of_set.iter().map(|r| r.spp).max().unwrap_or(0);
         let whole = of_set.iter().find(|r| r.class.is_none() && r.spp == most);
-        for r in of_set.iter().filter(|r| candidates.first().is_some_and(|c| c.name == r.predictor)) {
+        for r in of_set.iter().filter(|r| candidates.first().is_some_and(|c| c.name_in_use() == r.predictor))
+        {
             let mc = of_set.iter().find(|m| m.class == r.class && m.spp == most);
             let (Some(whole), Some(mc)) = (whole, mc) else { continue };
             let paths = f64::from(most) * r.microseconds / whole.microseconds;

@@ -7,6 +7,7 @@ use pellucid::color::space::lab_of_linear_rgb;
 use pellucid::color::{DeltaEStats, delta_e::delta_e_2000_of};
 use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
 use pellucid::dataset::{LabelledSet, ShapeClass};
+use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::rpnn::train::Score;
 use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
@@ -20,6 +21,7 @@ const PATHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 const MOST: u32 = PATHS[PATHS.len() - 1];
 /// Surface points on which extraction is timed.
 const TIMED_POINTS: usize = 4096;
+const NOT_ON_SURFACE: &str = "a labelled voxel is not on the surface";
 /// Samples that a network predicts at a time.
 const CHUNK: usize = 4096;
 
@@ -71,16 +73,22 @@ pub fn measure(
         let time = 1e6 * (spent / set.len() as f64 + extraction);
         judge(name, set, white, (&candidate.name, 0, time), &predicted, rows)?;
     }
+    let sharing = candidates.first().filter(|c| c.shares());
+    let mut shared = Shared { predicted: vec![0.0; set.len()], sample_seconds: 0.0 };
     let mut predicted = PATHS.map(|_| vec![0.0; set.len()]);
     let mut spent = 0.0;
-    for (volume, samples) in volumes {
+    for (n, (volume, samples)) in volumes.into_iter().enumerate() {
         let grid = sampler.grid(volume)?;
         let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
+        if let Some(candidate) = sharing {
+            let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
+            shared.volume(candidate, &scene, set, samples.clone(), n == 0, control)?;
+        }
         let traced = Volume::new(&grid, &surface, control)?;
         let points = samples
             .clone()
             .step_by(set.channels())
-            .map(|i| surface.index_of(set.voxel(i)).ok_or("a labelled voxel is not on the surface"))
+            .map(|i| surface.index_of(set.voxel(i)).ok_or(NOT_ON_SURFACE))
             .collect::<Result<Vec<u32>, _>>()?;
         for (spp, out) in PATHS.iter().zip(&mut predicted) {
             let options = TraceOptions { spp: *spp, seed: u64::from(volume), boundary, ..Default::default() };
@@ -93,12 +101,57 @@ pub fn measure(
             }
         }
     }
+    if let Some(candidate) = sharing {
+        let time = 1e6 * shared.sample_seconds;
+        judge(name, set, white, (&candidate.name_in_use(), 0, time), &shared.predicted, rows)?;
+    }
     for (spp, predicted) in PATHS.iter().zip(&predicted) {
         // Fewer paths on the points of one volume take less than the system's tick.
         let time = 1e6 * spent / set.len() as f64 * f64::from(*spp) / f64::from(MOST);
         judge(name, set, white, (&format!("Monte Carlo, {spp} paths"), *spp, time), predicted, rows)?;
     }
     Ok(())
+}
+
+/// Predictions of a network whose points share coarse levels.
+struct Shared {
+    predicted: Vec<f32>,
+    /// Processor seconds a sample of neighbouring surface points.
+    sample_seconds: f64,
+}
+
+impl Shared {
+    /// Predicts a volume's samples; a point's value does not depend on the others, but its time does, and
+    /// is measured on neighbours when `timed`.
+    fn volume(
+        &mut self,
+        candidate: &Candidate,
+        scene: &Scene<'_>,
+        set: &LabelledSet,
+        samples: Range<usize>,
+        timed: bool,
+        control: &Control<'_>,
+    ) -> Result<(), Error> {
+        let points = samples
+            .clone()
+            .step_by(set.channels())
+            .map(|i| scene.surface.index_of(set.voxel(i)).ok_or(NOT_ON_SURFACE))
+            .collect::<Result<Vec<u32>, _>>()?;
+        let mut network = candidate.predictor();
+        network.predict(scene, &points, 0, &mut self.predicted[samples], control)?;
+        if timed {
+            let order = near_order(scene.surface.voxels());
+            let near = &order[..order.len().min(TIMED_POINTS)];
+            let mut out = vec![0.0; near.len() * set.channels()];
+            let (_, spent) = time(|| {
+                // The table is there already: no label changed.
+                network.tiles_changed(&[]);
+                network.predict(scene, near, 0, &mut out, control)
+            })?;
+            self.sample_seconds = spent / out.len() as f64;
+        }
+        Ok(())
+    }
 }
 
 /// Runs of samples of one volume.

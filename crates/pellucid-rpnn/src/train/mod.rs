@@ -4,19 +4,24 @@
 //! | --- | --- |
 //! | [`settings`] | what a run does: [`TrainSettings`], the learning rate's schedule |
 //! | [`trainer`] | the run's state and its steps: [`Trainer`] |
+//! | [`engine`] | who computes outputs and gradients: [`Engine`] |
 //! | [`augment`] | from raw stencils to mirrored network inputs |
 //! | [`checkpoint`] | the state as a file |
 //! | [`curve`] | loss and validation over the run, as CSV and SVG |
 //! | [`score`](mod@score) | errors of predictions against labels: [`Score`] |
 
 pub mod augment;
+#[cfg(feature = "candle")]
+mod candle;
 pub mod checkpoint;
 pub mod curve;
+pub mod engine;
 pub mod score;
 pub mod settings;
 pub mod trainer;
 
 pub use curve::{Curve, CurvePoint};
+pub use engine::Engine;
 pub use score::Score;
 pub use settings::TrainSettings;
 pub use trainer::Trainer;

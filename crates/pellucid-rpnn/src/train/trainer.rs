@@ -4,13 +4,14 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::augment::Augment;
-use super::{Curve, CurvePoint, SampleSource, Score, TrainSettings};
+use super::engine::Passes;
+use super::{Curve, CurvePoint, Engine, SampleSource, Score, TrainSettings};
 use crate::adamw::AdamW;
 use crate::variant::INPUTS;
-use crate::{Inference, Network, RpnnError, Weights};
+use crate::{Inference, RpnnError, Weights};
 
 /// A training run: weights, optimiser and curve. One step after another is a pure function of the
-/// settings and the source, so a run that was stopped goes on as if it had not been.
+/// settings, the source and the engine, so a run that was stopped goes on as if it had not been.
 ///
 /// ```
 /// use pellucid_rpnn::train::{SampleSource, TrainSettings, Trainer};
@@ -44,7 +45,7 @@ pub struct Trainer {
     pending: (f64, u64),
     /// Seconds spent in [`Trainer::run`].
     seconds: f64,
-    network: Network,
+    passes: Passes,
     augment: Augment,
     buffers: Buffers,
 }
@@ -96,7 +97,7 @@ impl Trainer {
     pub(super) fn from_state(settings: TrainSettings, state: State) -> Result<Self, RpnnError> {
         settings.check()?;
         let batch = settings.batch;
-        let network = Network::new(settings.variant, batch, settings.precision)?;
+        let passes = Passes::new(Engine::Own, &settings)?;
         let augment = Augment::new(settings.form, settings.mirror, settings.seed);
         let buffers = Buffers {
             inputs: vec![0.0; batch * INPUTS],
@@ -106,7 +107,21 @@ impl Trainer {
             gradient: vec![0.0; state.weights.values().len()],
         };
         let State { weights, optimiser, curve, pending, seconds } = state;
-        Ok(Self { settings, weights, optimiser, curve, pending, seconds, network, augment, buffers })
+        Ok(Self { settings, weights, optimiser, curve, pending, seconds, passes, augment, buffers })
+    }
+
+    /// The same run on another engine. Checkpoints do not name it: a run may be resumed on either.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when the engine does not have the settings' precision.
+    pub fn with_engine(mut self, engine: Engine) -> Result<Self, RpnnError> {
+        self.passes = Passes::new(engine, &self.settings)?;
+        Ok(self)
+    }
+
+    /// Who computes outputs and gradients; [`Engine::Own`] unless [`Trainer::with_engine`] chose another.
+    pub fn engine(&self) -> Engine {
+        self.passes.engine()
     }
 
     /// The settings.
@@ -179,8 +194,7 @@ impl Trainer {
             .batch(index, &mut b.inputs, &mut b.labels)
             .map_err(|reason| RpnnError::Source { batch: index, reason })?;
         self.augment.apply(index, &mut b.inputs);
-        self.network.load(&self.weights)?;
-        self.network.forward(&b.inputs, &mut b.out)?;
+        self.passes.forward(&self.weights, &b.inputs, &mut b.out)?;
         let scale = 2.0 / self.settings.batch as f32;
         let mut squares = 0.0;
         for ((d, out), label) in b.d_out.iter_mut().zip(&b.out).zip(&b.labels) {
@@ -193,7 +207,7 @@ impl Trainer {
             return Err(RpnnError::invalid(format!("batch {index}"), "a radiance is not finite"));
         }
         b.gradient.fill(0.0);
-        self.network.backward(&b.out, &b.d_out, &mut b.gradient)?;
+        self.passes.backward(&b.out, &b.d_out, &mut b.gradient)?;
         let rate = self.settings.rate(index);
         let gradient_norm = self.optimiser.step(self.weights.values_mut(), &b.gradient, rate)?;
         self.pending = (self.pending.0 + loss, self.pending.1 + 1);
@@ -213,7 +227,8 @@ impl Trainer {
         });
     }
 
-    /// Error of the averaged weights on raw stencils (1/mm, as [`Inference::radiance`] takes them).
+    /// Error of the averaged weights on raw stencils (1/mm, as [`Inference::radiance`] takes them), predicted
+    /// by [`Inference`] on either engine.
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when lengths do not agree.

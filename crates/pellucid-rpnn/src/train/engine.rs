@@ -1,0 +1,79 @@
+//! Who computes the outputs of a batch and the gradient of its loss.
+
+use super::TrainSettings;
+#[cfg(feature = "candle")]
+use super::candle::CandlePasses;
+use crate::{Network, RpnnError, Weights};
+
+/// Who computes outputs and gradients. All else in a step is the trainer's: samples and mirrors, the loss,
+/// clipping, the optimiser, the schedule.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Engine {
+    /// This crate's [`Network`].
+    #[default]
+    Own,
+    /// [`CandleNetwork`](crate::reference::CandleNetwork), in f32: the reference for runs of [`Engine::Own`].
+    #[cfg(feature = "candle")]
+    Candle,
+}
+
+/// The passes of one batch: forward, then backward.
+#[derive(Clone, Debug)]
+pub(super) enum Passes {
+    Own(Box<Network>),
+    #[cfg(feature = "candle")]
+    Candle(CandlePasses),
+}
+
+impl Passes {
+    pub(super) fn new(engine: Engine, settings: &TrainSettings) -> Result<Self, RpnnError> {
+        match engine {
+            Engine::Own => {
+                let network = Network::new(settings.variant, settings.batch, settings.precision)?;
+                Ok(Self::Own(Box::new(network)))
+            }
+            #[cfg(feature = "candle")]
+            Engine::Candle => CandlePasses::new(settings.precision).map(Self::Candle),
+        }
+    }
+
+    pub(super) fn engine(&self) -> Engine {
+        match self {
+            Self::Own(_) => Engine::Own,
+            #[cfg(feature = "candle")]
+            Self::Candle(_) => Engine::Candle,
+        }
+    }
+
+    /// As [`Network::forward`], with these weights.
+    pub(super) fn forward(
+        &mut self,
+        weights: &Weights,
+        inputs: &[f32],
+        out: &mut [f32],
+    ) -> Result<(), RpnnError> {
+        match self {
+            Self::Own(network) => {
+                network.load(weights)?;
+                network.forward(inputs, out)
+            }
+            #[cfg(feature = "candle")]
+            Self::Candle(passes) => passes.forward(weights, inputs, out),
+        }
+    }
+
+    /// As [`Network::backward`], cut-off outputs included.
+    pub(super) fn backward(
+        &mut self,
+        out: &[f32],
+        d_out: &[f32],
+        gradient: &mut [f32],
+    ) -> Result<(), RpnnError> {
+        match self {
+            Self::Own(network) => network.backward(out, d_out, gradient),
+            #[cfg(feature = "candle")]
+            Self::Candle(passes) => passes.backward(out, d_out, gradient),
+        }
+    }
+}
