@@ -188,7 +188,10 @@ impl Network {
     ) -> Result<usize, RpnnError> {
         let width = self.variant.width();
         let n = states.len() / width;
-        if !(1..LEVELS).contains(&levels) || states.len() % width != 0 || inputs != n * given * LEVEL_INPUTS {
+        if !(1..LEVELS).contains(&levels)
+            || !states.len().is_multiple_of(width)
+            || inputs != n * given * LEVEL_INPUTS
+        {
             return Err(RpnnError::invalid(
                 "levels, states and inputs",
                 format!("{levels} levels, {} values in states of {width}, {inputs} inputs", states.len()),

@@ -69,7 +69,7 @@ impl Rpnn {
     /// their levels from fine to coarse.
     pub fn with_sharing(mut self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
         if let Some(s) = sharing {
-            if s.block % 2 == 0 || s.block > 255 || !(1..LEVELS).contains(&s.fine_levels) {
+            if s.block.is_multiple_of(2) || s.block > 255 || !(1..LEVELS).contains(&s.fine_levels) {
                 return Err(PredictError::invalid(
                     "sharing",
                     format!("{s:?}; blocks have odd edges up to 255, fine levels are 1 to 8"),
