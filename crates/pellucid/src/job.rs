@@ -78,17 +78,17 @@ pub struct ProofView {
 
 /// The loop's predictor.
 enum Predictor {
-    MonteCarlo(MonteCarlo),
+    MonteCarlo(Box<MonteCarlo>),
     #[cfg(feature = "weights")]
-    Rpnn(Rpnn),
+    Rpnn(Box<Rpnn>),
 }
 
 impl Predictor {
     fn as_dyn(&mut self) -> &mut dyn AppearancePredictor {
         match self {
-            Self::MonteCarlo(predictor) => predictor,
+            Self::MonteCarlo(predictor) => predictor.as_mut(),
             #[cfg(feature = "weights")]
-            Self::Rpnn(predictor) => predictor,
+            Self::Rpnn(predictor) => predictor.as_mut(),
         }
     }
 
@@ -270,17 +270,20 @@ impl PrintJob {
     fn predictor(&self) -> Result<Predictor, PrintError> {
         let s = &self.settings;
         match s.predictor {
-            PredictorKind::MonteCarlo => Ok(Predictor::MonteCarlo(MonteCarlo::new(TraceOptions {
-                spp: s.spp,
-                seed: s.seed,
-                boundary: s.boundary,
-                ..TraceOptions::default()
-            })?)),
+            PredictorKind::MonteCarlo => {
+                let options = TraceOptions {
+                    spp: s.spp,
+                    seed: s.seed,
+                    boundary: s.boundary,
+                    ..TraceOptions::default()
+                };
+                Ok(Predictor::MonteCarlo(Box::new(MonteCarlo::new(options)?)))
+            }
             #[cfg(feature = "weights")]
             PredictorKind::Rpnn => {
                 let network = Rpnn::shipped()?;
                 network.check(s.boundary.index(), s.target.pitch())?;
-                Ok(Predictor::Rpnn(network))
+                Ok(Predictor::Rpnn(Box::new(network)))
             }
             #[cfg(not(feature = "weights"))]
             PredictorKind::Rpnn => Err(VoxelError::unsupported(
