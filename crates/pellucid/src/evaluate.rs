@@ -9,7 +9,7 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use crate::PrintError;
-use crate::report::{Evaluation, StateErrors};
+use crate::report::{Evaluation, PredictionError, StateErrors};
 
 /// Iteration numbers of the judge's paths, beyond those of any loop.
 const JUDGE: u32 = 0x4000_0000;
@@ -22,6 +22,15 @@ pub(crate) struct Judge<'a> {
     pub(crate) boundary: Boundary,
     pub(crate) white: MediaWhite,
     pub(crate) seed: u64,
+}
+
+/// Media-relative radiance of points by either half of the judge's paths.
+type Halves = [Vec<[f32; 3]>; 2];
+
+/// What the judge saw of the refined labels.
+pub(crate) struct Judged {
+    pub(crate) points: Vec<u32>,
+    halves: Halves,
 }
 
 /// How much is predicted.
@@ -64,7 +73,24 @@ impl Judge<'_> {
         Ok(radiance.chunks_exact(3).map(|l| std::array::from_fn(|c| l[c] / white[c])).collect())
     }
 
-    /// Errors of two states of the labels at the same random surface voxels.
+    /// How far predicted `radiance` of [`Judge::draw`]n points is off what the paths say.
+    pub(crate) fn prediction_error(&self, judged: &Judged, radiance: &[f32]) -> PredictionError {
+        let white = self.white.rgb();
+        let (mut sum, mut squares, mut noise) = (0.0, 0.0, 0.0);
+        for ((predicted, a), b) in radiance.chunks_exact(3).zip(&judged.halves[0]).zip(&judged.halves[1]) {
+            for c in 0..3 {
+                let [a, b] = [a[c], b[c]].map(|v| f64::from(v) * white[c]);
+                let off = f64::from(predicted[c]) - 0.5 * (a + b);
+                sum += off;
+                squares += off * off;
+                noise += (0.5 * (a - b)).powi(2);
+            }
+        }
+        let n = radiance.len().max(1) as f64;
+        PredictionError { rmse: ((squares - noise).max(0.0) / n).sqrt(), bias: sum / n }
+    }
+
+    /// Errors of two states of the labels at the same random surface voxels, and what was judged of the second.
     pub(crate) fn evaluate(
         &self,
         unrefined: &LabelGrid,
@@ -73,10 +99,10 @@ impl Judge<'_> {
         mapped: &[[f32; 3]],
         sample: Sample,
         control: &Control<'_>,
-    ) -> Result<Evaluation, PrintError> {
+    ) -> Result<(Evaluation, Judged), PrintError> {
         let points = self.draw(sample.points);
         let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 4 * total);
-        let state = |grid: &LabelGrid, from: u64| -> Result<StateErrors, PrintError> {
+        let state = |grid: &LabelGrid, from: u64| -> Result<(StateErrors, Halves), PrintError> {
             let volume = Volume::new(grid, self.surface, &control.silent())?;
             let predict = |part: u32| {
                 let progress = half(from + u64::from(part));
@@ -87,19 +113,19 @@ impl Judge<'_> {
             let mean: Vec<[f32; 3]> =
                 a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect();
             let targets = |all: &[[f32; 3]]| points.iter().map(|&p| all[p as usize]).collect::<Vec<_>>();
-            Ok(StateErrors {
+            let errors = StateErrors {
                 raw: stats(&mean, &targets(raw))?,
                 mapped: stats(&mean, &targets(mapped))?,
                 // The halves differ by twice the error of their mean.
                 noise: 0.5 * stats(&a, &b)?.mean,
-            })
+            };
+            Ok((errors, [a, b]))
         };
-        Ok(Evaluation {
-            points: points.len() as u64,
-            spp: sample.spp / 2 * 2,
-            unrefined: state(unrefined, 0)?,
-            refined: state(refined, 2)?,
-        })
+        let (unrefined, _) = state(unrefined, 0)?;
+        let (refined, halves) = state(refined, 2)?;
+        let evaluation =
+            Evaluation { points: points.len() as u64, spp: sample.spp / 2 * 2, unrefined, refined };
+        Ok((evaluation, Judged { points, halves }))
     }
 
     /// Distinct surface voxels, ascending: all when there are no more than `wanted`.

@@ -9,7 +9,7 @@ use pellucid_color::mixture::table::DEFAULT_NODES;
 use pellucid_color::{Gamut, MatchOptions, MixtureModel};
 use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
 use pellucid_mesh::{MeshReport, Model, surface_colors};
-use pellucid_refine::{AppearancePredictor, GamutInk, RefineInput, refine};
+use pellucid_refine::{AppearancePredictor, GamutInk, RefineError, RefineInput, Scene, refine};
 use pellucid_trace::TraceOptions;
 use pellucid_voxel::{
     Control, LabelGrid, NearestSurface, Surface, SurfaceOptions, VoxelError, local_thickness_mm,
@@ -206,10 +206,22 @@ impl PrintJob {
         }
         let (unrefined, refinement) = (refined.unrefined, refined.report);
         drop(nearest);
-        let evaluation = clock.run(Stage::Evaluate, |c| {
+        let (evaluation, judged) = clock.run(Stage::Evaluate, |c| {
             let sample = evaluate::Sample { points: s.evaluation_points, spp: s.evaluation_spp };
             judge.evaluate(&unrefined, &grid, &target, &aim, sample, c)
         })?;
+        let prediction = if s.predictor == PredictorKind::MonteCarlo {
+            None
+        } else {
+            let scene = Scene { grid: &grid, surface: &surface, materials: &s.materials };
+            let mut radiance = vec![0.0; judged.points.len() * 3];
+            let iteration = s.refine.iterations + 1;
+            predictor
+                .as_dyn()
+                .predict(&scene, &judged.points, iteration, &mut radiance, &clock.quiet())
+                .map_err(|e| RefineError::predict(iteration, e))?;
+            Some(judge.prediction_error(&judged, &radiance))
+        };
         let views = clock.run(Stage::Proof, |c| self.proof(&judge, &grid, &unrefined, &target, c))?;
 
         let counts = grid.histogram();
@@ -221,6 +233,7 @@ impl PrintJob {
             predictor: s.predictor.name().to_owned(),
             spp: s.spp,
             outside_training: outside,
+            prediction,
             seed: s.seed,
             refractive_index: s.boundary.index(),
             media_white: media_white.rgb(),

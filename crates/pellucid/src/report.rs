@@ -39,6 +39,15 @@ impl Evaluation {
     }
 }
 
+/// How far the loop's predictor was off on the labels that were written, in linear radiance, 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct PredictionError {
+    /// Root mean square over the evaluation's points and channels, the judge's own noise taken out.
+    pub rmse: f64,
+    /// Mean of prediction less judgement.
+    pub bias: f64,
+}
+
 /// Where material is thin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Thinness {
@@ -77,6 +86,8 @@ pub struct Report {
     /// Predictions (surface voxels times channels) of the last iteration around which coefficients lie outside
     /// what the network was trained for; 0 with the path tracer.
     pub outside_training: u64,
+    /// The network beside the judge's paths; absent with the path tracer, whose only error is noise.
+    pub prediction: Option<PredictionError>,
     /// Seed of everything random.
     pub seed: u64,
     /// Refractive index of the boundary.
