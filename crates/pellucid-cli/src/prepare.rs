@@ -1,6 +1,7 @@
 //! `pellucid prepare`: the main job.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
@@ -28,9 +29,12 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Printer::J750)]
     printer: Printer,
     /// Appearance predictor of the refinement loop
-    #[arg(long, value_enum, default_value_t = Predictor::Mc)]
+    #[arg(long, value_enum, default_value_t = Predictor::Rpnn)]
     predictor: Predictor,
-    /// Paths a surface point and channel in each iteration
+    /// Weights of the network, made by `pellucid train`; those the program carries without it
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
+    /// Paths a surface point and channel in each iteration, with --predictor mc
     #[arg(long, value_name = "N")]
     spp: Option<u32>,
     /// Refinement iterations; 0 leaves the unrefined halftone
@@ -83,6 +87,13 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         Predictor::Mc => PredictorKind::MonteCarlo,
         Predictor::Rpnn => PredictorKind::Rpnn,
     };
+    if let Some(path) = &args.weights {
+        if matches!(args.predictor, Predictor::Mc) {
+            return Err(Failure::Error("--weights are the network's; leave --predictor mc out".into()));
+        }
+        let read = pellucid::rpnn::file::load(path).map_err(|e| Failure::Error(e.to_string()))?;
+        settings.weights = Some(Arc::new(read));
+    }
     settings.scale = args.height_mm.map_or(Scale::Native, Scale::HeightMm);
     settings.spp = args.spp.unwrap_or(settings.spp);
     settings.refine.iterations = args.iterations.unwrap_or(settings.refine.iterations);

@@ -15,12 +15,14 @@ use pellucid_voxel::{
     Control, LabelGrid, NearestSurface, Surface, SurfaceOptions, VoxelError, local_thickness_mm,
 };
 
+#[cfg(feature = "rpnn")]
+use pellucid_rpnn::Precision;
 use rayon::prelude::*;
 
 use crate::clock::Clock;
 use crate::evaluate::{self, Judge};
 use crate::predictor::MonteCarlo;
-#[cfg(feature = "weights")]
+#[cfg(feature = "rpnn")]
 use crate::predictor::Rpnn;
 use crate::proof::{View, Visibility};
 use crate::report::{Report, StageTime, Thinness};
@@ -79,7 +81,7 @@ pub struct ProofView {
 /// The loop's predictor.
 enum Predictor {
     MonteCarlo(Box<MonteCarlo>),
-    #[cfg(feature = "weights")]
+    #[cfg(feature = "rpnn")]
     Rpnn(Box<Rpnn>),
 }
 
@@ -87,7 +89,7 @@ impl Predictor {
     fn as_dyn(&mut self) -> &mut dyn AppearancePredictor {
         match self {
             Self::MonteCarlo(predictor) => predictor.as_mut(),
-            #[cfg(feature = "weights")]
+            #[cfg(feature = "rpnn")]
             Self::Rpnn(predictor) => predictor.as_mut(),
         }
     }
@@ -96,7 +98,7 @@ impl Predictor {
     fn outside_training(&self) -> u64 {
         match self {
             Self::MonteCarlo(_) => 0,
-            #[cfg(feature = "weights")]
+            #[cfg(feature = "rpnn")]
             Self::Rpnn(predictor) => predictor.outside_training(),
         }
     }
@@ -136,6 +138,8 @@ impl PrintJob {
     ) -> Result<Prepared, PrintError> {
         let s = &self.settings;
         let mut clock = Clock::new(observer, cancel);
+        // Before anything takes time: the predictor may not be made for these settings.
+        let mut predictor = self.predictor()?;
         let options = VoxeliseOptions {
             pitch: s.target.pitch(),
             scale: s.scale,
@@ -187,7 +191,6 @@ impl PrintJob {
             seed: s.seed,
         };
         let mut grid = solid;
-        let mut predictor = self.predictor()?;
         let input = RefineInput {
             surface: &surface,
             nearest: &nearest,
@@ -292,18 +295,20 @@ impl PrintJob {
                 };
                 Ok(Predictor::MonteCarlo(Box::new(MonteCarlo::new(options)?)))
             }
-            #[cfg(feature = "weights")]
+            #[cfg(feature = "rpnn")]
             PredictorKind::Rpnn => {
-                let network = Rpnn::shipped()?;
+                let network = match &s.weights {
+                    Some(given) => Rpnn::new(given.0.clone(), given.1.clone(), Precision::Bf16),
+                    #[cfg(feature = "weights")]
+                    None => Rpnn::shipped()?,
+                    #[cfg(not(feature = "weights"))]
+                    None => return Err(no_network("give weights, or build with the feature \"weights\"")),
+                };
                 network.check(s.boundary.index(), s.target.pitch())?;
                 Ok(Predictor::Rpnn(Box::new(network)))
             }
-            #[cfg(not(feature = "weights"))]
-            PredictorKind::Rpnn => Err(VoxelError::unsupported(
-                "predictor",
-                "this build carries no network weights; build it with the feature \"weights\"",
-            )
-            .into()),
+            #[cfg(not(feature = "rpnn"))]
+            PredictorKind::Rpnn => Err(no_network("build with the feature \"weights\"")),
         }
     }
 
@@ -346,6 +351,11 @@ impl Prepared {
     pub fn report(&self) -> &Report {
         &self.report
     }
+}
+
+#[cfg(not(feature = "weights"))]
+fn no_network(remedy: &str) -> PrintError {
+    VoxelError::unsupported("predictor", format!("this build carries no network weights; {remedy}")).into()
 }
 
 fn mesh_warnings(mesh: &MeshReport, clock: &Clock<'_>) {

@@ -37,9 +37,12 @@ pub struct PrintSettings {
     pub materials: MaterialTable,
     /// Optical boundary of the printed surface.
     pub boundary: Boundary,
-    /// Predictor of the loop.
+    /// Predictor of the loop: the network where the library carries its weights.
     pub predictor: PredictorKind,
-    /// Paths a point and channel in each iteration of the loop.
+    /// Weights for [`PredictorKind::Rpnn`] and what they were trained for; the library's own without them.
+    #[cfg(feature = "rpnn")]
+    pub weights: Option<std::sync::Arc<(pellucid_rpnn::Weights, pellucid_rpnn::file::Provenance)>>,
+    /// Paths a point and channel in each iteration of the loop; for [`PredictorKind::MonteCarlo`] only.
     pub spp: u32,
     /// Refinement: iterations, coloured depth and so on. Its seed is overridden by `seed`.
     pub refine: RefineSettings,
@@ -64,7 +67,12 @@ impl Default for PrintSettings {
             target: PrintTarget::j750(),
             materials: MaterialTable::cmykw(),
             boundary: Boundary::default(),
-            predictor: PredictorKind::MonteCarlo,
+            predictor: match cfg!(feature = "weights") {
+                true => PredictorKind::Rpnn,
+                false => PredictorKind::MonteCarlo,
+            },
+            #[cfg(feature = "rpnn")]
+            weights: None,
             spp: 16,
             refine: RefineSettings::default(),
             absolute: false,
