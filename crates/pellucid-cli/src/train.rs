@@ -62,6 +62,9 @@ pub struct Args {
     /// Number format of matrix products
     #[arg(long, value_enum, default_value_t = Format::F32)]
     precision: Format,
+    /// Who computes outputs and gradients; a run may be resumed on another
+    #[arg(long, value_enum, default_value_t = Engine::Own)]
+    engine: Engine,
     /// Highest learning rate
     #[arg(long, default_value_t = 1.5e-3)]
     rate: f64,
@@ -122,6 +125,26 @@ impl Order {
         match self {
             Self::FineToCoarse => LevelOrder::FineToCoarse,
             Self::CoarseToFine => LevelOrder::CoarseToFine,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Engine {
+    /// Pellucid's matrix products
+    Own,
+    /// candle, to compare with: in f32, and slower
+    #[cfg(feature = "candle")]
+    Candle,
+}
+
+impl Engine {
+    fn network(self) -> pellucid::rpnn::train::Engine {
+        use pellucid::rpnn::train::Engine as E;
+        match self {
+            Self::Own => E::Own,
+            #[cfg(feature = "candle")]
+            Self::Candle => E::Candle,
         }
     }
 }
@@ -189,7 +212,7 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let boundary = Boundary::with_index(recipe.refractive_index)?;
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let state = args.out.join("run.safetensors");
-    let mut trainer = start_or_resume(args, &state)?;
+    let mut trainer = start_or_resume(args, &state)?.with_engine(args.engine.network())?;
     let split = match &stored {
         Some(stored) => stored.header().split()?.clone(),
         None => recipe.split(&args.split)?.clone(),
