@@ -23,12 +23,12 @@ use scores::Row;
 type Error = Box<dyn std::error::Error + Send + Sync>;
 
 /// Splits of which a picture is drawn.
-const DRAWN: [&str; 3] = ["test", "unseen-shape", "loops"];
+const DRAWN: [&str; 5] = ["test", "unseen-shape", "unseen-density-x4", "unseen-density-quarter", "loops"];
 
 /// Errors and times of networks beside Monte Carlo
 #[derive(clap::Args)]
 pub struct Args {
-    /// Weights to compare, made by `pellucid train`; the first is shown in pictures
+    /// Weights to compare, made by `pellucid train`; the first is the one compared with Monte Carlo at equal time
     #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
     weights: Vec<PathBuf>,
     /// Folder with the labelled sets, made by `pellucid dataset generate`
@@ -126,7 +126,7 @@ fn study(args: &Args, control: &Control<'_>) -> Result<(), Error> {
         if DRAWN.contains(&name.as_str()) {
             let spp = output::equal_time_paths(&rows[from..], &candidates[0].name_in_use());
             let file = format!("{name}.png");
-            pictures::draw(&args.out.join(&file), &set, white, &candidates[0], spp, args.edge, control)?;
+            pictures::draw(&args.out.join(&file), &set, white, &candidates, spp, args.edge, control)?;
             seen.push((file, name, spp));
         }
     }

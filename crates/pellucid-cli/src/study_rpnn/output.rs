@@ -88,11 +88,11 @@ pub fn markdown(rows: &[Row], candidates: &[Candidate], pictures: &[(String, Str
         }
     }
     if !pictures.is_empty() {
-        out.push_str("\n## Pictures\n\nFrom the left: reference (1024 paths), the first network, its error, Monte Carlo in equal time, its error. Errors are the mean over channels: red too light, blue too dark, full colour at 0.1.\n");
+        out.push_str("\n## Pictures\n\nFrom the left: reference (1024 paths), prediction, its error. Rows: the networks in the order above, then Monte Carlo in the first one's time. Errors are the mean over channels: red too light, blue too dark, full colour at 0.1.\n");
         for (file, set, paths) in pictures {
             let _ = write!(
                 out,
-                "\nA volume of {set}; {paths:.0} paths take the network's time:\n\n![{set}]({file})\n"
+                "\nA volume of {set}; {paths:.0} paths take the first network's time:\n\n![{set}]({file})\n"
             );
         }
     }

@@ -16,12 +16,13 @@ const REFERENCE: u32 = 1024;
 /// Difference in radiance that is shown in full colour.
 const FULL: f32 = 0.1;
 
-/// Draws reference, network and Monte Carlo with their errors for the first volume of a set.
+/// Draws a row for every network and one for Monte Carlo of the first volume of a set: reference, prediction,
+/// error.
 pub fn draw(
     path: &Path,
     set: &LabelledSet,
     white: [f64; 3],
-    candidate: &Candidate,
+    candidates: &[Candidate],
     paths: f64,
     edge: u32,
     control: &Control<'_>,
@@ -47,8 +48,13 @@ pub fn draw(
     let noisy = traced((paths.round() as u32).clamp(1, REFERENCE), 1)?;
 
     let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
-    let mut network = vec![0.0; points.len() * 3];
-    candidate.predictor().predict(&scene, &points, 0, &mut network, control)?;
+    let mut predictions = Vec::new();
+    for candidate in candidates {
+        let mut predicted = vec![0.0; points.len() * 3];
+        candidate.predictor().predict(&scene, &points, 0, &mut predicted, control)?;
+        predictions.push(predicted);
+    }
+    predictions.push(noisy);
 
     let spread = |colour: &dyn Fn(usize) -> [f32; 3]| {
         let mut all = vec![[0.0; 3]; surface.len()];
@@ -65,13 +71,11 @@ pub fn draw(
             if part > 0.0 { [1.0, 1.0 - part, 1.0 - part] } else { [1.0 + part, 1.0 + part, 1.0] }
         })
     };
-    let sheet = contact_sheet(&[vec![
-        appearance(&reference)?,
-        appearance(&network)?,
-        error(&network)?,
-        appearance(&noisy)?,
-        error(&noisy)?,
-    ]]);
+    let rows = predictions
+        .iter()
+        .map(|predicted| Ok(vec![appearance(&reference)?, appearance(predicted)?, error(predicted)?]))
+        .collect::<Result<Vec<_>, Error>>()?;
+    let sheet = contact_sheet(&rows);
     let temporary = path.with_extension("tmp.png");
     sheet.save(&temporary).map_err(|e| format!("{}: {e}", temporary.display()))?;
     std::fs::rename(&temporary, path)?;
