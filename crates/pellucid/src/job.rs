@@ -23,7 +23,7 @@ use crate::clock::Clock;
 use crate::evaluate::{self, Judge};
 use crate::predictor::MonteCarlo;
 #[cfg(feature = "rpnn")]
-use crate::predictor::Rpnn;
+use crate::predictor::{Corrected, Correction, Rpnn};
 use crate::proof::{View, Visibility};
 use crate::report::{Report, StageTime, Thinness};
 use crate::stage::{Observer, Stage};
@@ -82,7 +82,7 @@ pub struct ProofView {
 enum Predictor {
     MonteCarlo(Box<MonteCarlo>),
     #[cfg(feature = "rpnn")]
-    Rpnn(Box<Rpnn>),
+    Rpnn(Box<Corrected<Rpnn, MonteCarlo>>),
 }
 
 impl Predictor {
@@ -94,12 +94,21 @@ impl Predictor {
         }
     }
 
+    /// The network without its correction.
+    fn network(&mut self) -> Option<&mut dyn AppearancePredictor> {
+        match self {
+            Self::MonteCarlo(_) => None,
+            #[cfg(feature = "rpnn")]
+            Self::Rpnn(predictor) => Some(predictor.fast_mut()),
+        }
+    }
+
     /// Predictions of the last call that the predictor was not made for.
     fn outside_training(&self) -> u64 {
         match self {
             Self::MonteCarlo(_) => 0,
             #[cfg(feature = "rpnn")]
-            Self::Rpnn(predictor) => predictor.outside_training(),
+            Self::Rpnn(predictor) => predictor.fast().outside_training(),
         }
     }
 }
@@ -213,17 +222,16 @@ impl PrintJob {
             let sample = evaluate::Sample { points: s.evaluation_points, spp: s.evaluation_spp };
             judge.evaluate(&unrefined, &grid, &target, &aim, sample, c)
         })?;
-        let prediction = if s.predictor == PredictorKind::MonteCarlo {
-            None
-        } else {
-            let scene = Scene { grid: &grid, surface: &surface, materials: &s.materials };
-            let mut radiance = vec![0.0; judged.points.len() * 3];
-            let iteration = s.refine.iterations + 1;
-            predictor
-                .as_dyn()
-                .predict(&scene, &judged.points, iteration, &mut radiance, &clock.quiet())
-                .map_err(|e| RefineError::predict(iteration, e))?;
-            Some(judge.prediction_error(&judged, &radiance))
+        let prediction = match predictor.network() {
+            None => None,
+            Some(network) => {
+                let scene = Scene { grid: &grid, surface: &surface, materials: &s.materials };
+                let mut radiance = vec![0.0; judged.points.len() * 3];
+                network
+                    .predict(&scene, &judged.points, 0, &mut radiance, &clock.quiet())
+                    .map_err(|e| RefineError::predict(refinement.best, e))?;
+                Some(judge.prediction_error(&judged, &radiance))
+            }
         };
         let views = clock.run(Stage::Proof, |c| self.proof(&judge, &grid, &unrefined, &target, c))?;
 
@@ -285,16 +293,11 @@ impl PrintJob {
 
     fn predictor(&self) -> Result<Predictor, PrintError> {
         let s = &self.settings;
+        let options =
+            TraceOptions { spp: s.spp, seed: s.seed, boundary: s.boundary, ..TraceOptions::default() };
+        let tracer = MonteCarlo::new(options)?;
         match s.predictor {
-            PredictorKind::MonteCarlo => {
-                let options = TraceOptions {
-                    spp: s.spp,
-                    seed: s.seed,
-                    boundary: s.boundary,
-                    ..TraceOptions::default()
-                };
-                Ok(Predictor::MonteCarlo(Box::new(MonteCarlo::new(options)?)))
-            }
+            PredictorKind::MonteCarlo => Ok(Predictor::MonteCarlo(Box::new(tracer))),
             #[cfg(feature = "rpnn")]
             PredictorKind::Rpnn => {
                 let network = match &s.weights {
@@ -305,7 +308,8 @@ impl PrintJob {
                     None => return Err(no_network("give weights, or build with the feature \"weights\"")),
                 };
                 network.check(s.boundary.index(), s.target.pitch())?;
-                Ok(Predictor::Rpnn(Box::new(network)))
+                let corrected = Corrected::new(network, tracer, Correction::default());
+                Ok(Predictor::Rpnn(Box::new(corrected.map_err(|e| RefineError::predict(0, e))?)))
             }
             #[cfg(not(feature = "rpnn"))]
             PredictorKind::Rpnn => Err(no_network("build with the feature \"weights\"")),
