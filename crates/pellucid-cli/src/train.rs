@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use pellucid::dataset::generate::labels_of;
-use pellucid::dataset::samples::Sampler;
-use pellucid::dataset::{Recipe, StoredVolumes, Stream, StreamOptions};
+use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
+use pellucid::dataset::{LabelledSet, Recipe, StoredVolumes, Stream, StreamOptions};
 use pellucid::rpnn::file::{Provenance, save};
 use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
 use pellucid::rpnn::transform::{InputForm, LevelOrder};
@@ -56,8 +56,9 @@ pub struct Args {
     /// Split of the recipe to train on
     #[arg(long, default_value = "train")]
     split: String,
-    /// Split of the recipe to validate on; "none" leaves validation out
-    #[arg(long, default_value = "validation", value_name = "SPLIT")]
+    /// Split of the recipe to validate on, labelled when the run starts, or a file made by `pellucid dataset
+    /// generate`; "none" leaves validation out
+    #[arg(long, default_value = "validation", value_name = "SPLIT|FILE")]
     validation: String,
     /// Number format of matrix products
     #[arg(long, value_enum, default_value_t = Format::F32)]
@@ -227,7 +228,10 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
         threads: args.threads,
     };
     let validation = (args.validation != "none")
-        .then(|| labelled(&recipe, &args.validation, &materials, boundary, &control))
+        .then(|| match args.validation.ends_with(".set") {
+            true => stored_set(Path::new(&args.validation), &control),
+            false => labelled(&recipe, &args.validation, &materials, boundary, &control),
+        })
         .transpose()?;
     let trained = Sampler::new(&recipe, &split.name, &materials, boundary)?;
     let provenance = |trainer: &Trainer| provenance(trainer, &recipe, trained.materials(), &options);
@@ -353,6 +357,14 @@ fn labelled(
         radiance: made.iter().flat_map(|s| s.radiance.iter().copied()).collect(),
         std_error: made.iter().flat_map(|s| s.std_error.iter().copied()).collect(),
     })
+}
+
+/// A set that was labelled before.
+fn stored_set(path: &Path, control: &Control<'_>) -> Result<Set, Error> {
+    let set = LabelledSet::load(&[path], control)?;
+    let mut stencils = vec![0.0; set.len() * STENCIL_VALUES];
+    set.stencils(0, &mut stencils);
+    Ok(Set { stencils, radiance: set.radiance().to_vec(), std_error: set.std_error().to_vec() })
 }
 
 /// What the weights were trained for, and how.
