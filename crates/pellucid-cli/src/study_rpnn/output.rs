@@ -39,7 +39,7 @@ pub fn markdown(rows: &[Row], candidates: &[Candidate], pictures: &[(String, Str
          radiance, 0 to 1, the labels' own variance taken out of the RMSE; dE2000 is the mean over points relative to \
          the print's white, label noise included. Times are processor time on one thread; a network's contains the \
          extraction of its stencils, not the summed-area table. \"Coarse levels shared\" is the network as prints use \
-         it: the points of a block of 5 x 5 x 5 voxels share what it makes of the five coarsest levels. Monte Carlo is this project's vectorised tracer, timed at its largest number of paths and \
+         it: the points of a block of 5 x 5 x 5 voxels share what it makes of the six coarsest levels. Monte Carlo is this project's vectorised tracer, timed at its largest number of paths and \
          in proportion below.\n\n",
     );
     for c in candidates {

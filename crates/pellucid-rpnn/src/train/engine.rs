@@ -23,7 +23,7 @@ pub enum Engine {
 pub(super) enum Passes {
     Own(Box<Network>),
     #[cfg(feature = "candle")]
-    Candle(CandlePasses),
+    Candle(Box<CandlePasses>),
 }
 
 impl Passes {
@@ -34,7 +34,7 @@ impl Passes {
                 Ok(Self::Own(Box::new(network)))
             }
             #[cfg(feature = "candle")]
-            Engine::Candle => CandlePasses::new(settings.precision).map(Self::Candle),
+            Engine::Candle => Ok(Self::Candle(Box::new(CandlePasses::new(settings.precision)?))),
         }
     }
 

@@ -33,9 +33,9 @@ pub struct Sharing {
 }
 
 impl Default for Sharing {
-    /// Four levels of their own, the coarser ones shared by blocks of 5³ voxels.
+    /// Three levels of their own, the coarser ones shared by blocks of 5³ voxels.
     fn default() -> Self {
-        Self { fine_levels: 4, block: 5 }
+        Self { fine_levels: 3, block: 5 }
     }
 }
 
