@@ -34,7 +34,7 @@ pub struct Args {
     /// Weights of the network, made by `pellucid train`; those the program carries without it
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
-    /// Paths a surface point and channel in each iteration, with --predictor mc
+    /// Paths a surface point and channel in each iteration, where points are traced
     #[arg(long, value_name = "N")]
     spp: Option<u32>,
     /// Refinement iterations; 0 leaves the unrefined halftone

@@ -81,7 +81,7 @@ pub struct Report {
     pub printer: String,
     /// Predictor of the loop.
     pub predictor: String,
-    /// Paths a point and channel in each iteration of the loop.
+    /// Paths a point and channel in each iteration of the loop, where points are traced.
     pub spp: u32,
     /// Predictions (surface voxels times channels) of the last iteration around which coefficients lie outside
     /// what the network was trained for; 0 with the path tracer.

@@ -42,7 +42,8 @@ pub struct PrintSettings {
     /// Weights for [`PredictorKind::Rpnn`] and what they were trained for; the library's own without them.
     #[cfg(feature = "rpnn")]
     pub weights: Option<std::sync::Arc<(pellucid_rpnn::Weights, pellucid_rpnn::file::Provenance)>>,
-    /// Paths a point and channel in each iteration of the loop; for [`PredictorKind::MonteCarlo`] only.
+    /// Paths a point and channel in each iteration of the loop: of every point with
+    /// [`PredictorKind::MonteCarlo`], of those that correct the network with [`PredictorKind::Rpnn`].
     pub spp: u32,
     /// Refinement: iterations, coloured depth and so on. Its seed is overridden by `seed`.
     pub refine: RefineSettings,
