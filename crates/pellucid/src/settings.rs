@@ -12,7 +12,8 @@ use pellucid_voxel::{MaterialTable, VoxelError};
 pub enum PredictorKind {
     /// Monte Carlo path tracing.
     MonteCarlo,
-    /// The radiance-predicting neural network with the weights that the library carries (feature `weights`).
+    /// The radiance-predicting neural network, corrected by paths at some of the points: with the weights that the
+    /// library carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`).
     Rpnn,
 }
 
