@@ -13,7 +13,7 @@ pub enum PredictorKind {
     /// Monte Carlo path tracing.
     MonteCarlo,
     /// The radiance-predicting neural network, corrected by paths at some of the points: with the weights that the
-    /// library carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`).
+    /// library carries (feature `weights`), or with `PrintSettings::weights` (feature `rpnn`).
     Rpnn,
 }
 
