@@ -89,7 +89,8 @@ impl CountTables {
             GroupTile::Constant(lane) => {
                 table == 0 && fill == std::array::from_fn::<u32, LANES, _>(|m| u32::from(*lane == Some(m)))
             }
-            GroupTile::Mixed(tables) => table != 0 && self.table(table).local == tables.local,
+            // Tables hold sums before each voxel: tiles that differ in the last one have the same.
+            GroupTile::Mixed(_) => false,
         }
     }
 
