@@ -66,7 +66,8 @@ impl Inference {
     /// [`Inference::radiance`].
     ///
     /// # Errors
-    /// [`RpnnError::Invalid`] when the network reads its levels from fine to coarse, the lengths do not agree or `fine` is not within 1 to 8.
+    /// [`RpnnError::Invalid`] when the network reads its levels from fine to coarse, the lengths do not agree, or
+    /// `fine` is not within 1 to 8.
     pub fn coarse_states(&mut self, fine: usize, stencils: &[f32]) -> Result<CoarseStates, RpnnError> {
         if self.form.order != LevelOrder::CoarseToFine {
             return Err(RpnnError::invalid(

@@ -122,6 +122,8 @@ fn blocks_of_one_voxel_share_with_nobody_and_larger_ones_hardly_matter() {
         let spread = squares(&mut whole.iter().map(|v| v - whole.iter().sum::<f32>() / whole.len() as f32));
         (squares(&mut shared.iter().zip(&whole).map(|(a, b)| a - b)) / spread).sqrt()
     };
+    // Six own levels see 160 voxels along x, and blocks of three move the rest by one voxel; with one own level and
+    // blocks of fifteen a point sees little but its block's surroundings.
     let (little, much) =
         (difference(Sharing { fine_levels: 6, block: 3 }), difference(Sharing { fine_levels: 1, block: 15 }));
     assert!(little > 0.0 && little < 0.1 && much > 2.0 * little, "{little} {much}");

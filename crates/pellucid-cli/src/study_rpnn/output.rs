@@ -2,6 +2,9 @@
 
 use std::fmt::Write;
 
+use pellucid::predictor::Sharing;
+use pellucid::rpnn::variant::LEVELS;
+
 use super::Candidate;
 use super::scores::Row;
 
@@ -38,9 +41,18 @@ pub fn markdown(rows: &[Row], candidates: &[Candidate], pictures: &[(String, Str
          Written by `pellucid study rpnn`. A sample is one surface point in one channel. RMSE and bias are in linear \
          radiance, 0 to 1, the labels' own variance taken out of the RMSE; dE2000 is the mean over points relative to \
          the print's white, label noise included. Times are processor time on one thread; a network's contains the \
-         extraction of its stencils, not the summed-area table. \"Coarse levels shared\" is the network as prints use \
-         it: the points of a block of 5 x 5 x 5 voxels share what it makes of the six coarsest levels. Monte Carlo is this project's vectorised tracer, timed at its largest number of paths and \
-         in proportion below.\n\n",
+         extraction of its stencils, not the summed-area table. ",
+    );
+    let Sharing { fine_levels, block } = Sharing::default();
+    let _ = write!(
+        out,
+        "\"Coarse levels shared\" is the network as prints use it: the points of a block of {block} x {block} x \
+         {block} voxels share what it makes of the {} coarsest levels. ",
+        LEVELS - fine_levels
+    );
+    out.push_str(
+        "Monte Carlo is this project's vectorised tracer, timed at its largest number of paths and in proportion \
+         below.\n\n",
     );
     for c in candidates {
         let _ = writeln!(

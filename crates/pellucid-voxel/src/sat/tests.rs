@@ -80,6 +80,27 @@ fn boxes() -> impl Strategy<Value = Vec<([i64; 3], [i64; 3])>> {
     prop::collection::vec((corner(), corner()), 1..12)
 }
 
+#[test]
+fn a_change_in_a_tiles_last_layers_is_seen() {
+    for voxel in [[15, 3, 7], [3, 15, 7], [3, 7, 15], [15, 15, 15], [15, 15, 2]] {
+        let mut grid = LabelGrid::from_tiles(frame([40, 40, 40]), |t| {
+            let mut tile = Box::new([1 + (t[0] + t[1] + t[2]) as u8 % 3; TILE_VOXELS]);
+            tile[0] = 5;
+            Tile::Dense(tile)
+        });
+        let mut sat = build(&grid, 5);
+        let at = (voxel[2] * TILE + voxel[1]) * TILE + voxel[0];
+        let changed = grid.update_tiles(|t, tile| {
+            let Tile::Dense(labels) = tile else { return None };
+            let mut labels = labels.clone();
+            labels[at] = 4;
+            (t == [1, 0, 1]).then_some(Tile::Dense(labels))
+        });
+        sat.update(&grid, &changed, &Control::none()).unwrap();
+        assert!(same_everywhere(&sat, &build(&grid, 5)), "{voxel:?}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 

@@ -15,8 +15,8 @@ struct Growth {
 }
 
 impl CountTables {
-    /// The records of the tiles `changed`, positions in [`LabelGrid::tiles`], that differ from
-    /// what the tables hold, with their new tiles.
+    /// The records of the tiles `changed`, positions in [`LabelGrid::tiles`], with their new tiles;
+    /// constant ones that the tables hold already are left out.
     pub(super) fn prepare(
         &self,
         grid: &LabelGrid,
@@ -89,7 +89,7 @@ impl CountTables {
             GroupTile::Constant(lane) => {
                 table == 0 && fill == std::array::from_fn::<u32, LANES, _>(|m| u32::from(*lane == Some(m)))
             }
-            // Tables hold sums before each voxel: tiles that differ in the last one have the same.
+            // Local tables leave the tile's last layers out, so equal ones prove nothing.
             GroupTile::Mixed(_) => false,
         }
     }

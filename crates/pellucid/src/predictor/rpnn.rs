@@ -258,11 +258,10 @@ impl AppearancePredictor for Rpnn {
         let voxels: Vec<[u32; 3]> = points.iter().map(|&p| scene.surface.voxels()[p as usize]).collect();
         // Points that share a block come one after another, and neighbouring blocks close together.
         let size = scene.grid.size();
-        let near: Vec<[u32; 3]> = match self.sharing {
-            Some(sharing) => voxels.iter().map(|v| sharing.centre(*v, size)).collect(),
-            None => voxels.clone(),
+        let order = match self.sharing {
+            Some(sharing) => near_order(&voxels.iter().map(|v| sharing.centre(*v, size)).collect::<Vec<_>>()),
+            None => near_order(&voxels),
         };
-        let order = near_order(&near);
         let fine = match self.sharing {
             Some(sharing) => {
                 let spec = StencilSpec::new(CELLS_XYZ, sharing.fine_levels).map_err(from_stencil)?;
