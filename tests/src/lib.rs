@@ -1,6 +1,7 @@
 //! End-to-end tests of the workspace live in `tests/`; this library holds what they share.
 
 use pellucid::mesh::{BaseColor, Model, Triangle, Vertex};
+use pellucid::voxel::LabelGrid;
 
 /// A ball of 6 mm with patches of two vertex colours, about 32 x 16 faces: closed and oriented.
 pub fn patched_ball() -> Model {
@@ -34,4 +35,19 @@ pub fn patched_ball() -> Model {
     }
     let plain = BaseColor { name: "patches".into(), factor: [1.0; 4], texture: None };
     Model::new("patched ball", vertices, triangles, vec![plain], vec![]).expect("the ball is valid")
+}
+
+/// FNV-1a, 64 bits, over the labels of a grid in `[z][y][x]` order.
+pub fn label_digest(grid: &LabelGrid) -> u64 {
+    let [nx, ny, nz] = grid.size();
+    let mut digest = 0xcbf2_9ce4_8422_2325_u64;
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                let label = u64::from(grid.get([x, y, z]));
+                digest = (digest ^ label).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+    digest
 }

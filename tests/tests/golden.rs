@@ -1,0 +1,44 @@
+//! The labels of one small job, pinned: a change that is meant to keep them shows at once when it does not.
+
+use std::sync::atomic::AtomicBool;
+
+use pellucid::mesh::voxelise::Scale;
+use pellucid::slice::PrintTarget;
+use pellucid::stage::Silent;
+use pellucid::{PredictorKind, PrintJob, PrintSettings};
+use pellucid_tests::{label_digest, patched_ball};
+
+/// The printer's profile as it is written here, so that a better one of the library's changes nothing.
+const PRINTER: &str = r#"{
+  "name": "golden", "dpi": [600.0, 300.0, 940.0], "build_space_mm": [490.0, 390.0, 200.0],
+  "max_materials": 6, "min_layers": 30, "row_order": "highest_y_first", "background": [0, 0, 0, 0],
+  "palette": {
+    "cyan": [0, 174, 239, 255], "magenta": [236, 0, 140, 255], "yellow": [255, 221, 0, 255],
+    "black": [35, 31, 32, 255], "white": [255, 255, 255, 255]
+  }
+}"#;
+
+#[test]
+fn labels_of_a_small_job_stay_as_they_are() {
+    let mut settings = PrintSettings {
+        scale: Scale::HeightMm(3.0),
+        target: PrintTarget::from_json(PRINTER).unwrap(),
+        predictor: PredictorKind::MonteCarlo,
+        spp: 8,
+        seed: 5,
+        evaluation_points: 20,
+        evaluation_spp: 2,
+        proof_spp: 1,
+        proof_edge: 16,
+        ..PrintSettings::default()
+    };
+    settings.refine.iterations = 3;
+    let job = PrintJob::new(settings).unwrap();
+    let prepared = job.prepare(&patched_ball(), &Silent, &AtomicBool::new(false)).unwrap();
+    let digests = [&prepared.unrefined, &prepared.grid].map(label_digest);
+    assert_eq!(
+        digests,
+        [10_201_966_626_067_112_231, 3_577_869_679_014_067_229],
+        "unrefined and refined labels"
+    );
+}
