@@ -11,6 +11,7 @@
 //! | [`curve`] | half-space radiance as a fast function of albedo |
 //! | [`mixture`] | volume fractions to colour, its exact inverse, and the inverse as a table |
 //! | [`gamut`] | printable colours of thick and thin parts |
+//! | [`viewing`] | radiance of any channels to colour, and back |
 //! | [`intent`] | media white, rendering intents, black point |
 //!
 //! Conventions: RGB is linear Rec.709 under D65 with media white at 1 unless a name says
@@ -29,6 +30,7 @@ pub mod space;
 pub mod spectrum;
 mod spectrum_data;
 pub mod stats;
+pub mod viewing;
 
 pub use delta_e::delta_e_2000;
 pub use error::ColorError;
@@ -38,3 +40,4 @@ pub use mixture::inverse::MatchOptions;
 pub use mixture::{Fractions, MixtureModel};
 pub use space::{Lab, Lch, Oklab, Xyz};
 pub use stats::DeltaEStats;
+pub use viewing::Viewing;

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use pellucid_core::Cancelled;
 use pellucid_stencil::StencilError;
 use pellucid_trace::TraceError;
 use pellucid_voxel::VoxelError;
@@ -67,15 +68,18 @@ impl From<VoxelError> for DatasetError {
 
 impl From<StencilError> for DatasetError {
     fn from(error: StencilError) -> Self {
-        match error {
-            StencilError::Voxel(error) => error.into(),
-            other => Self::Stencil(other),
-        }
+        if matches!(error, StencilError::Cancelled) { Self::Cancelled } else { Self::Stencil(error) }
     }
 }
 
 impl From<TraceError> for DatasetError {
     fn from(error: TraceError) -> Self {
         if matches!(error, TraceError::Cancelled) { Self::Cancelled } else { Self::Trace(error) }
+    }
+}
+
+impl From<Cancelled> for DatasetError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
     }
 }

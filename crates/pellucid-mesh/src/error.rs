@@ -1,5 +1,6 @@
 //! The crate's error type.
 
+use pellucid_core::Cancelled;
 use pellucid_voxel::VoxelError;
 
 /// What can go wrong when a model is imported or voxelised.
@@ -91,5 +92,11 @@ impl From<VoxelError> for MeshError {
             VoxelError::Cancelled => Self::Cancelled,
             other => Self::Voxel(other),
         }
+    }
+}
+
+impl From<Cancelled> for MeshError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
     }
 }

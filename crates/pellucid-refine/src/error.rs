@@ -1,95 +1,19 @@
-//! The crate's error types.
+//! The crate's error type.
 
+use pellucid_core::{Cancelled, Fault};
+use pellucid_predict::PredictError;
 use pellucid_voxel::VoxelError;
-
-/// Why an appearance predictor gave no prediction.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PredictError {
-    /// The scene, the points or the predictor's own data contradict each other.
-    #[error("invalid {field}: {reason}")]
-    Invalid {
-        /// The argument or field concerned.
-        field: String,
-        /// What is wrong, and what would be right.
-        reason: String,
-    },
-    /// The scene is well formed but outside what the predictor handles.
-    #[error("unsupported {field}: {reason}")]
-    Unsupported {
-        /// The argument or field concerned.
-        field: String,
-        /// The limit, and how to stay within it.
-        reason: String,
-    },
-    /// The caller asked for the work to stop.
-    #[error("cancelled")]
-    Cancelled,
-    /// The predictor behind the adapter failed for a reason of its own.
-    #[error("predictor {predictor} failed")]
-    Failed {
-        /// [`AppearancePredictor::name`](crate::AppearancePredictor::name).
-        predictor: String,
-        /// The cause.
-        #[source]
-        source: Box<dyn std::error::Error + Send + Sync>,
-    },
-}
-
-impl PredictError {
-    /// A [`PredictError::Invalid`] from its two parts.
-    pub fn invalid(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Invalid { field: field.into(), reason: reason.into() }
-    }
-
-    /// A [`PredictError::Unsupported`] from its two parts.
-    pub fn unsupported(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Unsupported { field: field.into(), reason: reason.into() }
-    }
-
-    /// A [`PredictError::Failed`] from the predictor's name and its own error.
-    pub fn failed(
-        predictor: impl Into<String>,
-        source: impl Into<Box<dyn std::error::Error + Send + Sync>>,
-    ) -> Self {
-        Self::Failed { predictor: predictor.into(), source: source.into() }
-    }
-}
-
-impl From<VoxelError> for PredictError {
-    fn from(error: VoxelError) -> Self {
-        match error {
-            VoxelError::Cancelled => Self::Cancelled,
-            VoxelError::Invalid { field, reason } => Self::Invalid { field, reason },
-            VoxelError::Unsupported { field, reason } => Self::Unsupported { field, reason },
-            other => Self::invalid("voxel data", other.to_string()),
-        }
-    }
-}
 
 /// What can go wrong in a refinement.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RefineError {
-    /// A setting or an input is outside its documented range, or two inputs do not fit together.
-    #[error("invalid {field}: {reason}")]
-    Invalid {
-        /// The argument or field concerned.
-        field: String,
-        /// What is wrong, and what would be right.
-        reason: String,
-    },
-    /// The request is well formed but outside what this crate handles.
-    #[error("unsupported {field}: {reason}")]
-    Unsupported {
-        /// The argument or field concerned.
-        field: String,
-        /// The limit, and how to stay within it.
-        reason: String,
-    },
-    /// The caller asked for the work to stop. The grid holds the best iterate so far.
-    #[error("cancelled")]
-    Cancelled,
+    /// A value is outside its documented range, or two inputs do not fit together.
+    #[error("invalid {0}")]
+    Invalid(Fault),
+    /// The request is well formed but beyond what this crate handles.
+    #[error("unsupported {0}")]
+    Unsupported(Fault),
     /// The appearance predictor failed.
     #[error("prediction in iteration {iteration}")]
     Predict {
@@ -99,17 +23,20 @@ pub enum RefineError {
         #[source]
         source: PredictError,
     },
+    /// The caller asked for the work to stop.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 impl RefineError {
-    /// A [`RefineError::Invalid`] from its two parts.
-    pub fn invalid(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Invalid { field: field.into(), reason: reason.into() }
+    /// An [`RefineError::Invalid`] from what is concerned and what is wrong with it, and would be right.
+    pub fn invalid(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Invalid(Fault::new(subject, reason))
     }
 
-    /// A [`RefineError::Unsupported`] from its two parts.
-    pub fn unsupported(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Unsupported { field: field.into(), reason: reason.into() }
+    /// An [`RefineError::Unsupported`] from what is concerned and the limit, and how to stay within it.
+    pub fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unsupported(Fault::new(subject, reason))
     }
 
     /// A predictor's error in `iteration`; cancellation stays cancellation.
@@ -121,12 +48,18 @@ impl RefineError {
     }
 }
 
+impl From<Cancelled> for RefineError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
 impl From<VoxelError> for RefineError {
     fn from(error: VoxelError) -> Self {
         match error {
             VoxelError::Cancelled => Self::Cancelled,
-            VoxelError::Invalid { field, reason } => Self::Invalid { field, reason },
-            VoxelError::Unsupported { field, reason } => Self::Unsupported { field, reason },
+            VoxelError::Unsupported(fault) => Self::Unsupported(fault),
+            VoxelError::Invalid(fault) => Self::Invalid(fault),
             other => Self::invalid("voxel data", other.to_string()),
         }
     }

@@ -19,10 +19,11 @@ pub mod report;
 pub mod settings;
 mod smoothing;
 
-pub use error::{PredictError, RefineError};
+pub use error::RefineError;
 pub use gamut_ink::GamutInk;
 pub use ink::InkModel;
 pub use mask::BlueNoiseMask;
+pub use pellucid_predict::PredictError;
 pub use predictor::{AppearancePredictor, Scene};
 pub use refinement::{RefineInput, Refined, refine};
 pub use report::{ErrorStats, IterationReport, RefineReport};

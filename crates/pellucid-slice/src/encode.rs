@@ -27,9 +27,7 @@ impl LayerFormat {
         let file = File::create(path).map_err(SliceError::io("create", path))?;
         let mut file = BufWriter::with_capacity(1 << 16, file);
         self.encode(labels, &mut file).map_err(|e| match e {
-            EncodingError::IoError(source) => {
-                SliceError::Io { action: "write", path: path.to_owned(), source }
-            }
+            EncodingError::IoError(source) => SliceError::io("write", path)(source),
             other => SliceError::file(path, other.to_string()),
         })?;
         file.flush().map_err(SliceError::io("write", path))

@@ -2,28 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use pellucid_core::{Cancelled, Fault, FileError};
 use pellucid_voxel::VoxelError;
 
 /// What can go wrong when slices are written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SliceError {
-    /// A value, file or field is wrong.
-    #[error("invalid {field}: {reason}")]
-    Invalid {
-        /// The argument, file or field that holds the value.
-        field: String,
-        /// What is wrong, and what would be right.
-        reason: String,
-    },
-    /// The request is well formed but the printer or this crate cannot do it.
-    #[error("unsupported {field}: {reason}")]
-    Unsupported {
-        /// The argument, file or field concerned.
-        field: String,
-        /// The limit, and how to stay within it.
-        reason: String,
-    },
+    /// A value is outside its documented range, or two inputs do not fit together.
+    #[error("invalid {0}")]
+    Invalid(Fault),
+    /// The request is well formed but beyond what this crate handles.
+    #[error("unsupported {0}")]
+    Unsupported(Fault),
     /// The output folder exists and may not be replaced.
     #[error("{} already exists: {reason}", dir.display())]
     Exists {
@@ -32,33 +23,28 @@ pub enum SliceError {
         /// Why it was left alone, and what to do.
         reason: String,
     },
-    /// A file or folder could not be read or written.
-    #[error("cannot {action} {}: {source}", path.display())]
-    Io {
-        /// What was being done, as an infinitive.
-        action: &'static str,
-        /// The file or folder.
-        path: PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
-    },
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Io(#[from] FileError),
     /// The caller asked for the work to stop.
     #[error("cancelled")]
     Cancelled,
 }
 
 impl SliceError {
-    pub(crate) fn invalid(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Invalid { field: field.into(), reason: reason.into() }
+    /// An [`SliceError::Invalid`] from what is concerned and what is wrong with it, and would be right.
+    pub fn invalid(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Invalid(Fault::new(subject, reason))
     }
 
-    pub(crate) fn unsupported(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Unsupported { field: field.into(), reason: reason.into() }
+    /// An [`SliceError::Unsupported`] from what is concerned and the limit, and how to stay within it.
+    pub fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unsupported(Fault::new(subject, reason))
     }
 
     /// Wraps a system error with what was being done to which path.
     pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Io { action, path: path.to_owned(), source }
+        move |source| FileError::at(action, path)(source).into()
     }
 
     /// A file whose contents are wrong.
@@ -67,13 +53,19 @@ impl SliceError {
     }
 }
 
+impl From<Cancelled> for SliceError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
 impl From<VoxelError> for SliceError {
     fn from(error: VoxelError) -> Self {
         match error {
-            VoxelError::Invalid { field, reason } => Self::Invalid { field, reason },
-            VoxelError::Unsupported { field, reason } => Self::Unsupported { field, reason },
             VoxelError::Cancelled => Self::Cancelled,
-            other => Self::invalid("grid", other.to_string()),
+            VoxelError::Unsupported(fault) => Self::Unsupported(fault),
+            VoxelError::Invalid(fault) => Self::Invalid(fault),
+            other => Self::invalid("voxel data", other.to_string()),
         }
     }
 }

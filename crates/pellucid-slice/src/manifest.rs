@@ -93,7 +93,7 @@ impl Manifest {
     /// consistent manifest, [`SliceError::Unsupported`] for another format version.
     pub fn load(dir: &Path) -> Result<Self, SliceError> {
         let path = dir.join(MANIFEST_FILE);
-        let io = |e| SliceError::Io { action: "read", path: path.clone(), source: e };
+        let io = |e| SliceError::io("read", &path)(e);
         let mut bytes = Vec::new();
         let file = std::fs::File::open(&path).map_err(io)?;
         file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;

@@ -93,7 +93,7 @@ impl StagedDir {
             if replaces {
                 fs::rename(&self.aside, &self.target).map_err(SliceError::io("put back", &self.target))?;
             }
-            return Err(SliceError::Io { action: "create", path: self.target.clone(), source });
+            return Err(SliceError::io("create", &self.target)(source));
         }
         self.committed = true;
         if replaces {
@@ -128,7 +128,7 @@ fn check_replaceable(target: &Path, force: bool) -> Result<bool, SliceError> {
     let meta = match fs::symlink_metadata(target) {
         Ok(meta) => meta,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-        Err(e) => return Err(SliceError::Io { action: "look at", path: target.to_owned(), source: e }),
+        Err(e) => return Err(SliceError::io("look at", target)(e)),
     };
     if !meta.is_dir() {
         return Err(exists("it is not a folder; choose another name"));
@@ -247,7 +247,7 @@ mod tests {
         output(&out, "old");
         let staged = StagedDir::begin(&out, true).unwrap();
         fs::remove_dir_all(staged.path()).unwrap();
-        assert!(matches!(staged.commit(), Err(SliceError::Io { .. })));
+        assert!(matches!(staged.commit(), Err(SliceError::Io(_))));
         assert!(mark(&out).contains("old"));
         assert_eq!(entries(dir.path()), 1);
     }

@@ -167,7 +167,7 @@ impl PrintTarget {
     /// [`SliceError::Io`] when the file cannot be read; otherwise as [`PrintTarget::from_json`],
     /// naming the file.
     pub fn load(path: &Path) -> Result<Self, SliceError> {
-        let io = |e| SliceError::Io { action: "read", path: path.to_owned(), source: e };
+        let io = |e| SliceError::io("read", path)(e);
         let mut bytes = Vec::new();
         let file = std::fs::File::open(path).map_err(io)?;
         file.take(MAX_PROFILE_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;

@@ -106,7 +106,7 @@ proptest! {
         fs::write(&path, bytes).unwrap();
         match read_stack(&out, &Control::none()) {
             Ok((back, _)) => prop_assert!(back == grid),
-            Err(SliceError::Invalid { field, .. }) => prop_assert!(field.contains("slice_") || field.contains("manifest")),
+            Err(SliceError::Invalid(fault)) => prop_assert!(["slice_", "manifest"].iter().any(|s| fault.subject.contains(s))),
             Err(other) => prop_assert!(false, "{other}"),
         }
     }
@@ -247,7 +247,7 @@ fn corrupted_stacks_are_named() {
     let out = fresh("missing");
     fs::remove_file(out.join("slices/slice_00004.png")).unwrap();
     assert!(
-        matches!(read_stack(&out, &Control::none()), Err(SliceError::Io { path, .. }) if path.ends_with("slice_00004.png"))
+        matches!(read_stack(&out, &Control::none()), Err(SliceError::Io(pellucid_core::FileError { path, .. })) if path.ends_with("slice_00004.png"))
     );
     assert!(matches!(read_stack(dir.path(), &Control::none()), Err(SliceError::Io { .. })));
 

@@ -1,38 +1,48 @@
 //! The crate's error type.
 
+use pellucid_core::{Cancelled, Fault};
 use pellucid_voxel::VoxelError;
 
 /// What can go wrong when stencils are extracted.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 pub enum StencilError {
-    /// A value is outside its documented range.
-    #[error("invalid {field}: {reason}")]
-    Invalid {
-        /// The argument that holds the value.
-        field: String,
-        /// What is wrong, and what would be right.
-        reason: String,
-    },
-    /// The request is well formed but larger than this crate handles.
-    #[error("unsupported {field}: {reason}")]
-    Unsupported {
-        /// The argument concerned.
-        field: String,
-        /// The limit, and how to stay within it.
-        reason: String,
-    },
-    /// The volume could not be read, or the caller asked for the work to stop.
-    #[error(transparent)]
-    Voxel(#[from] VoxelError),
+    /// A value is outside its documented range, or two inputs do not fit together.
+    #[error("invalid {0}")]
+    Invalid(Fault),
+    /// The request is well formed but beyond what this crate handles.
+    #[error("unsupported {0}")]
+    Unsupported(Fault),
+    /// The caller asked for the work to stop.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 impl StencilError {
-    pub(crate) fn invalid(field: &str, reason: impl Into<String>) -> Self {
-        Self::Invalid { field: field.to_owned(), reason: reason.into() }
+    /// An [`StencilError::Invalid`] from what is concerned and what is wrong with it, and would be right.
+    pub fn invalid(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Invalid(Fault::new(subject, reason))
     }
 
-    pub(crate) fn unsupported(field: &str, reason: impl Into<String>) -> Self {
-        Self::Unsupported { field: field.to_owned(), reason: reason.into() }
+    /// An [`StencilError::Unsupported`] from what is concerned and the limit, and how to stay within it.
+    pub fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unsupported(Fault::new(subject, reason))
+    }
+}
+
+impl From<Cancelled> for StencilError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
+impl From<VoxelError> for StencilError {
+    fn from(error: VoxelError) -> Self {
+        match error {
+            VoxelError::Cancelled => Self::Cancelled,
+            VoxelError::Unsupported(fault) => Self::Unsupported(fault),
+            VoxelError::Invalid(fault) => Self::Invalid(fault),
+            other => Self::invalid("voxel data", other.to_string()),
+        }
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pellucid_core::files::read_text_bounded;
 use pellucid_voxel::{
     Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, TILE, TILE_VOXELS,
     Tile,
@@ -103,15 +104,7 @@ struct RawCase {
 /// [`TraceError::Io`] when the file cannot be read or is larger than 64 MiB,
 /// [`TraceError::Invalid`] naming the case and field for anything else.
 pub fn read_cases(path: &Path) -> Result<Vec<Case>, TraceError> {
-    let io = |source: std::io::Error| TraceError::Io { path: path.to_owned(), reason: source.to_string() };
-    let length = std::fs::metadata(path).map_err(io)?.len();
-    if length > MAX_FILE {
-        return Err(TraceError::Io {
-            path: path.to_owned(),
-            reason: format!("{length} bytes; at most {MAX_FILE}"),
-        });
-    }
-    parse_cases(&std::fs::read_to_string(path).map_err(io)?)
+    parse_cases(&read_text_bounded(path, MAX_FILE)?)
 }
 
 /// Parses the text of a case file.
@@ -136,8 +129,9 @@ pub fn parse_cases(text: &str) -> Result<Vec<Case>, TraceError> {
                 .map_err(|e| TraceError::invalid(format!("case {i}"), e.to_string()))?;
             let id = raw.id.clone();
             Case::from_raw(raw).map_err(|e| match e {
-                TraceError::Invalid { field, reason } => {
-                    TraceError::invalid(format!("case {id:?}, {field}"), reason)
+                TraceError::Invalid(mut fault) => {
+                    fault.subject = format!("case {id:?}, {}", fault.subject);
+                    TraceError::Invalid(fault)
                 }
                 other => other,
             })

@@ -93,7 +93,7 @@ fn bad_input_is_refused_by_name() {
     for bad in [f32::NAN, f32::INFINITY, -1.0] {
         let material = Material { name: "mud".into(), sigma_s: vec![bad], sigma_a: vec![0.0], g: 0.0 };
         let error = MaterialTable::new(vec!["x".into()], vec![material]).unwrap_err();
-        assert!(matches!(&error, VoxelError::Invalid { field, .. } if field.contains("mud")), "{error}");
+        assert!(matches!(&error, VoxelError::Invalid(fault) if fault.subject.contains("mud")), "{error}");
     }
     let object = Object::new(Pitch::j750(), [20, 10, 20], |v| 1 + (v[0] % 3) as u8);
     let two = table(&[(1.0, 1.0, 0.0), (1.0, 1.0, 0.0)]);
@@ -125,7 +125,7 @@ fn cancelling_stops_and_says_so() {
     let object = Object::new(Pitch::j750(), [20, 10, 20], |_| 1);
     let t = table(&[(1.0, 1.0, 0.0)]);
     let tracer = Tracer::new(&object.volume, &t, matched(1 << 20)).unwrap();
-    assert_eq!(tracer.radiance(&[0], 0, &mut [0.0], &control), Err(TraceError::Cancelled));
+    assert!(matches!(tracer.radiance(&[0], 0, &mut [0.0], &control), Err(TraceError::Cancelled)));
     assert!(matches!(Volume::new(&object.grid, &object.surface, &control), Err(TraceError::Cancelled)));
 }
 

@@ -9,13 +9,11 @@
 //! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
 //! | [`sat`] | exact summed-area tables over material counts: [`CountSat`] |
 //! | [`thickness`] | how thick the solid is at each surface voxel |
-//! | [`control`] | progress and cancellation of long work |
 //!
 //! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
 //! with x fastest; coordinates are written `[x, y, z]`. Label 0 is air.
 #![forbid(unsafe_code)]
 
-pub mod control;
 mod eigen;
 mod envelope;
 pub mod error;
@@ -32,11 +30,11 @@ pub mod surface;
 mod surface_index;
 pub mod thickness;
 
-pub use control::{Control, Progress};
 pub use error::VoxelError;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
 pub use nearest::NearestSurface;
+pub use pellucid_core::{Cancelled, Control, Progress};
 pub use pitch::{Frame, Pitch};
 pub use sat::{CountSat, SatMemory};
 pub use surface::{Surface, SurfaceOptions};

@@ -104,7 +104,7 @@ impl Surface {
                         normals[position as usize - first] = normal;
                     }
                 }
-                Ok(())
+                Ok::<(), VoxelError>(())
             },
         )?;
         Ok(Self { frame: *grid.frame(), voxels: voxels.into(), normals, index })

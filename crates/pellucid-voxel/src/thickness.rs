@@ -57,7 +57,7 @@ pub fn local_thickness_mm(
             *out = (inward + solid_run(grid, voxel, normal, max_mm - inward)) as f32;
         }
         control.advance(&done, out.len() as u64, surface.len() as u64);
-        Ok(())
+        Ok::<(), VoxelError>(())
     })?;
     Ok(thickness)
 }

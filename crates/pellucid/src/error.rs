@@ -43,6 +43,12 @@ pub enum PrintError {
     },
 }
 
+impl From<pellucid_core::Cancelled> for PrintError {
+    fn from(_: pellucid_core::Cancelled) -> Self {
+        Self::Voxel(VoxelError::Cancelled)
+    }
+}
+
 impl PrintError {
     /// True when the job ended because the caller asked it to.
     pub fn is_cancelled(&self) -> bool {
@@ -52,6 +58,7 @@ impl PrintError {
                 | Self::Mesh(pellucid_mesh::MeshError::Cancelled)
                 | Self::Color(pellucid_color::ColorError::Cancelled)
                 | Self::Trace(pellucid_trace::TraceError::Cancelled)
+                | Self::Predict(pellucid_refine::PredictError::Cancelled)
                 | Self::Refine(pellucid_refine::RefineError::Cancelled)
                 | Self::Slice(pellucid_slice::SliceError::Cancelled)
         )

@@ -103,7 +103,7 @@ impl Visibility {
                 let start = centre + right * u + up * v - into * (depth + pitch.max_element());
                 *hit = first_hit(grid, surface, start, into);
             }
-            Ok(())
+            Ok::<(), VoxelError>(())
         })?;
         Ok(Self { width, height, rays })
     }

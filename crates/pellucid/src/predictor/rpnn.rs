@@ -315,7 +315,7 @@ impl AppearancePredictor for Rpnn {
 
 fn from_stencil(error: StencilError) -> PredictError {
     match error {
-        StencilError::Voxel(e) => e.into(),
+        StencilError::Cancelled => PredictError::Cancelled,
         other => PredictError::failed("rpnn", other),
     }
 }

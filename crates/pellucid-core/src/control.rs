@@ -2,15 +2,20 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use crate::VoxelError;
-
 /// Receives `(done, total)` from any worker thread. `done` may arrive out of order.
 pub type Progress<'a> = dyn Fn(u64, u64) + Sync + 'a;
 
+/// The caller asked for the work to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("cancelled")]
+pub struct Cancelled;
+
 /// What a caller hands to long work: a progress callback and a cancellation flag, both optional.
 ///
+/// Work runs on the current rayon pool, so `ThreadPool::install` confines it.
+///
 /// ```
-/// use pellucid_voxel::Control;
+/// use pellucid_core::Control;
 /// use std::sync::atomic::{AtomicBool, Ordering};
 /// let stop = AtomicBool::new(false);
 /// let control = Control::none().with_cancel(&stop);
@@ -36,7 +41,7 @@ impl<'a> Control<'a> {
         self
     }
 
-    /// Stops with [`VoxelError::Cancelled`] soon after `flag` becomes true.
+    /// Stops with [`Cancelled`] soon after `flag` becomes true.
     pub fn with_cancel(mut self, flag: &'a AtomicBool) -> Self {
         self.cancel = Some(flag);
         self
@@ -53,8 +58,8 @@ impl<'a> Control<'a> {
     }
 
     /// `Err(Cancelled)` once cancellation was asked for.
-    pub fn check(&self) -> Result<(), VoxelError> {
-        if self.cancelled() { Err(VoxelError::Cancelled) } else { Ok(()) }
+    pub fn check(&self) -> Result<(), Cancelled> {
+        if self.cancelled() { Err(Cancelled) } else { Ok(()) }
     }
 
     /// Reports that `done` of `total` units are finished.

@@ -1,0 +1,136 @@
+//! Files that are read within a bound and written whole or not at all.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+use crate::FileError;
+
+/// Reads a file of at most `limit` bytes.
+///
+/// # Errors
+/// [`FileError`] when it cannot be read, is no file, or is longer (kind `FileTooLarge`).
+pub fn read_bounded(path: impl AsRef<Path>, limit: u64) -> Result<Vec<u8>, FileError> {
+    let path = path.as_ref();
+    read(path, limit).map_err(FileError::at("read", path))
+}
+
+/// [`read_bounded`] of UTF-8 text.
+///
+/// # Errors
+/// As there, and of kind `InvalidData` where the bytes are no UTF-8.
+pub fn read_text_bounded(path: impl AsRef<Path>, limit: u64) -> Result<String, FileError> {
+    let path = path.as_ref();
+    let bytes = read_bounded(path, limit)?;
+    String::from_utf8(bytes)
+        .map_err(|e| FileError::at("read", path)(io::Error::new(io::ErrorKind::InvalidData, e)))
+}
+
+fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    let mut bytes = Vec::new();
+    // The length that a file's entry claims may be wrong or grow: the bound holds while reading.
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        let text = format!("larger than the {limit} bytes that are read");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
+    }
+    Ok(bytes)
+}
+
+/// Writes a file by way of a temporary one in the same folder, which takes its name once all of it is on the disk: a
+/// crash leaves the old file, or none.
+///
+/// # Errors
+/// [`FileError`]; the temporary file is gone then.
+///
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("report.json");
+/// pellucid_core::files::write_whole(&path, |out| std::io::Write::write_all(out, b"{}"))?;
+/// assert_eq!(std::fs::read(&path)?, b"{}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_whole(
+    path: impl AsRef<Path>,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), FileError> {
+    let path = path.as_ref();
+    let (temporary, file) = create_beside(path).map_err(FileError::at("create", path))?;
+    let result = write_synced(file, write).and_then(|()| fs::rename(&temporary, path));
+    result.map_err(|source| {
+        // What failed is told; that its remains could not be removed either would say nothing more.
+        let _ = fs::remove_file(&temporary);
+        FileError { action: "write", path: path.to_owned(), source }
+    })
+}
+
+/// [`write_whole`] of bytes at hand.
+///
+/// # Errors
+/// As there.
+pub fn write_whole_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), FileError> {
+    write_whole(path, |out| out.write_all(bytes))
+}
+
+fn write_synced(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(file);
+    write(&mut out)?;
+    out.into_inner()?.sync_all()
+}
+
+/// A new file `.NAME.partial-PID-N` beside `path`.
+fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
+    let name = path
+        .file_name()
+        .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
+    for n in 0..u32::MAX {
+        let mut temporary = std::ffi::OsString::from(".");
+        temporary.push(name);
+        temporary.push(format!(".partial-{}-{n}", std::process::id()));
+        let temporary = path.with_file_name(temporary);
+        match OpenOptions::new().write(true).create_new(true).open(&temporary) {
+            Ok(file) => return Ok((temporary, file)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Err(io::Error::new(io::ErrorKind::AlreadyExists, "no free temporary name"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        write_whole_bytes(&path, b"old").unwrap();
+        let error = write_whole(&path, |out| {
+            out.write_all(b"half of the new")?;
+            Err(io::Error::other("disk full"))
+        })
+        .unwrap_err();
+        assert_eq!(crate::chain(&error), format!("cannot write {}: disk full", path.display()));
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        assert!(write_whole_bytes(folder.path().join("none/a.txt"), b"").is_err());
+    }
+
+    #[test]
+    fn reading_stops_at_the_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        fs::write(&path, [7; 100]).unwrap();
+        assert_eq!(read_bounded(&path, 100).unwrap(), [7; 100]);
+        let error = read_bounded(&path, 99).unwrap_err();
+        assert_eq!(error.source.kind(), io::ErrorKind::FileTooLarge);
+        // A device without an end is no reason to read on.
+        if Path::new("/dev/zero").exists() {
+            assert!(read_bounded("/dev/zero", 1000).is_err());
+        }
+        fs::write(&path, [0xff, 0xfe]).unwrap();
+        assert_eq!(read_text_bounded(&path, 9).unwrap_err().source.kind(), io::ErrorKind::InvalidData);
+    }
+}

@@ -1,0 +1,202 @@
+//! The interface: settings that are shared, and one object under prediction.
+
+use std::sync::Arc;
+
+use pellucid_core::Control;
+use pellucid_voxel::LabelGrid;
+
+use crate::{Identity, Object, PredictError};
+
+/// How appearance is predicted: settings only, shared between threads and jobs.
+pub trait Predictor: Send + Sync {
+    /// What a report records: name, settings, weights, instruction set.
+    fn identity(&self) -> Identity;
+
+    /// What can be asked about an object, before any work.
+    ///
+    /// # Errors
+    /// [`PredictError`] naming what the predictor cannot do or was not made for.
+    fn supports(&self, object: &Object) -> Result<Capabilities, PredictError>;
+
+    /// Takes up an object.
+    ///
+    /// # Errors
+    /// As [`Predictor::supports`], or when the object's tables cannot be built.
+    fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError>;
+}
+
+/// One object under prediction; the only place with caches.
+pub trait BoundPredictor: Send {
+    /// Brings the labels up to date. The first call takes all of them, whatever `changed` says.
+    ///
+    /// # Errors
+    /// [`PredictError`] when the labels lie in another frame, hold unknown labels, or `control` asks to stop; the
+    /// next call then takes all labels.
+    fn update(
+        &mut self,
+        labels: &LabelGrid,
+        changed: Changed<'_>,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError>;
+
+    /// Writes the absolute radiance of `points` (positions in the object's surface) to `out`, laid out
+    /// `[point][channel]`, values about 0 to 1.
+    ///
+    /// A function of object, labels, what was absorbed, point and draw alone: it may be repeated, cut into shards, and
+    /// asked in any order, on any number of threads, with the same bytes. Predictors with random error draw other
+    /// numbers for another draw, so that errors of successive passes average out.
+    ///
+    /// # Errors
+    /// [`PredictError`] before the first update, when `out` has the wrong length, a point does not exist, or
+    /// `control` asks to stop.
+    fn predict(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<Diagnostics, PredictError>;
+
+    /// Adds the derivative of `sum(d_radiance * radiance)` by the amount of each material in each voxel to `out`.
+    /// `d_radiance` is `[point][channel]`.
+    ///
+    /// # Errors
+    /// [`PredictError::Unsupported`] by default.
+    fn pullback(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        let _ = (points, draw, d_radiance, out, control);
+        Err(PredictError::unsupported("gradient", "this predictor has none"))
+    }
+
+    /// Takes in what one pass learned, for the next. A pass is taken in once, however often it is handed over.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] when another predictor learned it.
+    fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {
+        if learned.is_empty() {
+            return Ok(());
+        }
+        Err(PredictError::invalid("learned values", "this predictor learns nothing"))
+    }
+
+    /// All that was absorbed so far, as one value: handed to [`BoundPredictor::absorb`] of a newly bound predictor it
+    /// restores this one's memory.
+    fn memory(&self) -> Learned {
+        Learned::default()
+    }
+}
+
+/// What changed since the last [`BoundPredictor::update`].
+#[derive(Clone, Copy, Debug)]
+pub enum Changed<'a> {
+    /// Anything may have.
+    Unknown,
+    /// Nothing but these tiles: ascending positions in [`LabelGrid::tiles`].
+    Tiles(&'a [u32]),
+}
+
+/// Which random numbers a prediction uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Draw {
+    /// The job's seed.
+    pub seed: u64,
+    /// What the numbers are for.
+    pub pass: Pass,
+}
+
+impl Draw {
+    /// Numbers of a seed and a pass.
+    pub fn new(seed: u64, pass: Pass) -> Self {
+        Self { seed, pass }
+    }
+}
+
+/// Passes that never share random numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Pass {
+    /// An iteration of a refinement, 0 for the unrefined halftone; below 2^30.
+    Loop(u32),
+    /// One of the judge's independent parts; below 2^16.
+    Judge(u32),
+    /// A proof's pictures.
+    Proof,
+}
+
+impl Pass {
+    /// The pass as a number; different passes have different ones.
+    pub fn number(self) -> u32 {
+        match self {
+            Self::Loop(iteration) => iteration & 0x3fff_ffff,
+            Self::Judge(part) => 0x4000_0000 | (part & 0xffff),
+            Self::Proof => 0x4001_0000,
+        }
+    }
+}
+
+/// What a predictor can do for an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Capabilities {
+    /// Values have random error, which differs from draw to draw.
+    pub random: bool,
+    /// [`BoundPredictor::pullback`] works.
+    pub gradient: bool,
+}
+
+impl Capabilities {
+    /// Of a predictor with or without random error, and without gradient.
+    pub fn new(random: bool) -> Self {
+        Self { random, gradient: false }
+    }
+
+    /// The same with a gradient.
+    pub fn with_gradient(mut self) -> Self {
+        self.gradient = true;
+        self
+    }
+}
+
+/// What is known of one prediction besides its values.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Diagnostics {
+    /// Values (points times channels) around which coefficients lie outside what a network was trained for.
+    pub outside_training: u64,
+    /// Paths traced.
+    pub paths: u64,
+    /// What the pass learned for the next.
+    pub learned: Learned,
+}
+
+/// What a predictor learns from pass to pass, as plain numbers that can be saved with a job. Every shard of a pass
+/// learns the same, so any one of them will do.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Learned {
+    /// Who learned it: [`Identity::name`]; empty where there is nothing.
+    pub predictor: String,
+    /// The passes that it holds, by [`Pass::number`], ascending.
+    pub passes: Vec<u32>,
+    /// The numbers, laid out as the predictor likes.
+    pub values: Vec<f64>,
+}
+
+impl Learned {
+    /// True where nothing was learned.
+    pub fn is_empty(&self) -> bool {
+        self.predictor.is_empty()
+    }
+}
+
+/// Receives derivatives by the amount of a material in a voxel.
+pub trait MaterialGradient {
+    /// Adds to the derivative by the amount (volume fraction, 0 to 1) of `label` in `voxel`.
+    fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32);
+}
