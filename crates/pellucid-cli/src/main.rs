@@ -1,13 +1,14 @@
 //! The `pellucid` command.
 #![forbid(unsafe_code)]
 
+mod arguments;
+mod coupon;
 mod dataset;
-mod files;
+mod failure;
 mod prepare;
 mod progress;
-mod stopwatch;
-mod study_rpnn;
-mod study_tracer;
+mod summary;
+mod terminal;
 mod train;
 mod validate;
 
@@ -15,6 +16,8 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
+
+use failure::Failure;
 
 /// Set by Ctrl-C; long work looks at it and ends cleanly.
 static CANCEL: AtomicBool = AtomicBool::new(false);
@@ -29,40 +32,17 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Turn a textured glTF model into printable slices, a soft proof and an error report
-    Prepare(prepare::Args),
+    /// Turn a textured model into printable slices, a soft proof and an error report
+    Prepare(Box<prepare::Args>),
+    /// Write the slices of a small test print that shows whether a printer mirrors
+    Coupon(coupon::Args),
     /// Train the appearance network
     Train(train::Args),
-    /// Make, describe or verify files of labelled points
+    /// Make, describe, verify or judge by files of labelled points
     #[command(subcommand)]
     Dataset(dataset::Command),
     /// Compare the path tracer with a file of reference radiances
     Validate(validate::Args),
-    /// Measure, and write tables and plots
-    #[command(subcommand)]
-    Study(Study),
-}
-
-#[derive(Subcommand)]
-enum Study {
-    /// Errors and times of networks beside Monte Carlo on labelled sets
-    Rpnn(study_rpnn::Args),
-    /// Error against run time of every estimator of the path tracer
-    Tracer(study_tracer::Args),
-}
-
-/// How a command ended early.
-enum Failure {
-    /// Ctrl-C.
-    Cancelled,
-    /// Everything else, as a message for the user.
-    Error(String),
-}
-
-impl From<pellucid::PrintError> for Failure {
-    fn from(error: pellucid::PrintError) -> Self {
-        if error.is_cancelled() { Failure::Cancelled } else { Failure::Error(error.to_string()) }
-    }
 }
 
 fn main() -> ExitCode {
@@ -73,25 +53,14 @@ fn main() -> ExitCode {
             std::process::exit(130);
         }
     }) {
-        eprintln!("warning: Ctrl-C will not tidy up: {error}");
+        terminal::note(format!("warning: Ctrl-C will not tidy up: {error}"));
     }
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
+        Command::Coupon(args) => coupon::run(&args, &CANCEL),
         Command::Train(args) => train::run(&args, &CANCEL),
         Command::Dataset(command) => dataset::run(&command, &CANCEL),
         Command::Validate(args) => validate::run(&args, &CANCEL),
-        Command::Study(Study::Rpnn(args)) => study_rpnn::run(&args, &CANCEL),
-        Command::Study(Study::Tracer(args)) => study_tracer::run(&args, &CANCEL),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Cancelled) => {
-            eprintln!("cancelled; nothing was written");
-            ExitCode::from(130)
-        }
-        Err(Failure::Error(message)) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    result.map_or_else(|failure| failure.tell(), |()| ExitCode::SUCCESS)
 }

@@ -1,18 +1,22 @@
 //! `pellucid prepare`: the main job.
 
-use std::path::PathBuf;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
-use pellucid::mesh::voxelise::Scale;
-use pellucid::mesh::{ImportLimits, import_path};
-use pellucid::slice::PrintTarget;
+use pellucid::core::files::read_text_bounded;
+use pellucid::core::{InstructionSet, staging};
+use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
 use pellucid::stage::{Observer, Stage};
-use pellucid::{PredictorKind, PrintJob, PrintSettings, Report};
+use pellucid::{
+    ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record, Workspace,
+};
 
-use crate::Failure;
-use crate::progress::Bars;
+use crate::progress::{Bars, peak_memory_bytes};
+use crate::{Failure, arguments, summary, terminal};
+
+/// Most bytes of a settings file or manifest.
+const SETTINGS_LIMIT: u64 = 16 << 20;
 
 /// Arguments of `pellucid prepare`.
 #[derive(clap::Args)]
@@ -22,114 +26,178 @@ pub struct Args {
     /// Folder to create: slices/, manifest.json, report.json, proof.png, proof.exr
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
     /// Height of the print in mm; the model's own size (metres) without it
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = arguments::height_mm, allow_hyphen_values = true)]
     height_mm: Option<f64>,
-    /// Printer to prepare for
-    #[arg(long, value_enum, default_value_t = Printer::J750)]
-    printer: Printer,
-    /// Appearance predictor of the refinement loop
-    #[arg(long, value_enum, default_value_t = Predictor::Rpnn)]
-    predictor: Predictor,
+    /// Printer: j750, or the file of a profile
+    #[arg(long, value_name = "NAME|FILE")]
+    printer: Option<String>,
+    /// Materials in a file; cyan, magenta, yellow, black and white without it
+    #[arg(long, value_name = "FILE")]
+    materials: Option<PathBuf>,
+    /// Refractive index of the printed surface; 1.5 without it
+    #[arg(long, value_name = "N", value_parser = arguments::refractive_index, allow_hyphen_values = true)]
+    refractive_index: Option<f64>,
+    /// Appearance predictor of the refinement; mc without it
+    #[arg(long, value_enum)]
+    predictor: Option<Predictor>,
     /// Weights of the network, made by `pellucid train`; those the program carries without it
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
     /// Paths a surface point and channel in each iteration, where points are traced
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
     spp: Option<u32>,
     /// Refinement iterations; 0 leaves the unrefined halftone
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = arguments::count, allow_hyphen_values = true)]
     iterations: Option<u32>,
     /// Seed of everything random; the same seed gives the same slices
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    #[arg(long, value_name = "N", value_parser = arguments::seed, allow_hyphen_values = true)]
+    seed: Option<u64>,
+    /// Vector instructions: portable, avx2, avx512 or avx512bf16; the best there are without it
+    #[arg(long, value_name = "SET", value_parser = instruction_set)]
+    instruction_set: Option<InstructionSet>,
     /// Worker threads; all cores without it. Does not change the result
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
+    threads: Option<u32>,
     /// Aim at the texture's absolute colours instead of colours relative to the print's white
     #[arg(long)]
     absolute: bool,
+    /// Go on with an interrupted job of the same settings and model
+    #[arg(long)]
+    resume: bool,
     /// Replace an output folder of an earlier run
     #[arg(long)]
     force: bool,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Printer {
-    /// Stratasys J750 class: 600 x 300 DPI, 27 µm layers
-    J750,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
 enum Predictor {
     /// Monte Carlo path tracing
     Mc,
-    /// The trained appearance network
+    /// The trained appearance network, corrected by paths
     Rpnn,
+}
+
+fn instruction_set(name: &str) -> Result<InstructionSet, String> {
+    name.parse().map_err(|e: pellucid::core::Fault| e.to_string())
 }
 
 /// Runs the command.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
-    if let Some(threads) = args.threads {
-        if threads == 0 {
-            return Err(Failure::Error("--threads must be at least 1".into()));
-        }
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build_global()
-            .map_err(|e| Failure::Error(format!("--threads {threads}: {e}")))?;
-    }
-    let mut settings = PrintSettings { seed: args.seed, absolute: args.absolute, ..PrintSettings::default() };
-    settings.target = match args.printer {
-        Printer::J750 => PrintTarget::j750(),
-    };
-    settings.predictor = match args.predictor {
-        Predictor::Mc => PredictorKind::MonteCarlo,
-        Predictor::Rpnn => PredictorKind::Rpnn,
-    };
-    if let Some(path) = &args.weights {
-        if matches!(args.predictor, Predictor::Mc) {
-            return Err(Failure::Error("--weights are the network's; leave --predictor mc out".into()));
-        }
-        let read = pellucid::rpnn::file::load(path).map_err(|e| Failure::Error(e.to_string()))?;
-        settings.weights = Some(Arc::new(read));
-    }
-    settings.scale = args.height_mm.map_or(Scale::Native, Scale::HeightMm);
-    settings.spp = args.spp.unwrap_or(settings.spp);
-    settings.refine.iterations = args.iterations.unwrap_or(settings.refine.iterations);
+    arguments::use_threads(args.threads)?;
+    let (settings, earlier) = settings(args)?;
     let job = PrintJob::new(settings)?;
     job.check_output(&args.out, args.force)?;
+    let workspace = workspace(args)?;
 
     let bars = Bars::new();
-    bars.begin(Stage::Import);
-    let imported = import_path(&args.model, &ImportLimits::default());
-    bars.end(Stage::Import);
-    let model = imported.map_err(|e| Failure::Error(e.to_string()))?;
-    let prepared = job.prepare(&model, &bars, cancel)?;
-    let report = prepared.write(&args.out, args.force, &bars, cancel)?;
-    summary(&report, args);
+    let model = import(&args.model, &bars)?;
+    if let Some(earlier) = earlier {
+        warn_of_another(&model, &earlier);
+    }
+    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
+    let result = job
+        .prepare(&model, &workspace, &monitor)
+        .and_then(|prepared| prepared.write(&args.out, args.force, &monitor));
+    let report = result.map_err(|error| match Failure::from(error) {
+        Failure::Cancelled(_) => Failure::Cancelled(kept(&args.out)),
+        other => other,
+    })?;
+    workspace.finish()?;
+    terminal::print(&summary::of(&report, &args.out))?;
     Ok(())
 }
 
-/// The few figures a user looks for first.
-fn summary(report: &Report, args: &Args) {
-    let [x, y, z] = report.extent_mm;
-    println!(
-        "{x:.1} x {y:.1} x {z:.1} mm, {} layers, {} surface voxels",
-        report.layers, report.surface_voxels
-    );
-    let e = &report.evaluation;
-    println!(
-        "colour error (mean dE2000 to the printable target): {:.2} unrefined, {:.2} refined ({:.0} % less)",
-        e.unrefined.mapped.mean,
-        e.refined.mapped.mean,
-        100.0 * e.reduction()
-    );
-    println!(
-        "refined: median {:.2}, 95 % below {:.2}; {:.0} % of the surface has a colour out of the printer's reach",
-        e.refined.mapped.median,
-        e.refined.mapped.p95,
-        100.0 * report.refinement.out_of_gamut
-    );
-    println!("wrote {}", args.out.display());
+/// Settings of the file, where there is one, under those of the arguments.
+fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
+    let (mut settings, earlier) = match &args.settings {
+        None => (PrintSettings::default(), None),
+        Some(file) => {
+            let text = read_text_bounded(file, SETTINGS_LIMIT)?;
+            let named = |e| Failure::message(format!("{}: {}", file.display(), pellucid::core::chain(&e)));
+            Record::settings_from_json(&text).map_err(named)?
+        }
+    };
+    if let Some(mm) = args.height_mm {
+        settings.scale = Scale::HeightMm(mm);
+    }
+    if let Some(printer) = &args.printer {
+        settings.printer = arguments::printer(printer)?;
+    }
+    if let Some(file) = &args.materials {
+        settings.materials = arguments::materials(file)?;
+    }
+    if let Some(predictor) = args.predictor {
+        settings.predictor = match predictor {
+            Predictor::Mc => PredictorKind::MonteCarlo,
+            Predictor::Rpnn => PredictorKind::Rpnn,
+        };
+    }
+    if let Some(file) = &args.weights {
+        if settings.predictor != PredictorKind::Rpnn {
+            return Err(Failure::message("--weights are the network's; add --predictor rpnn"));
+        }
+        settings.weights = Some(NetworkWeights::load(file)?);
+    }
+    settings.refractive_index = args.refractive_index.unwrap_or(settings.refractive_index);
+    settings.spp = args.spp.unwrap_or(settings.spp);
+    settings.refine.iterations = args.iterations.unwrap_or(settings.refine.iterations);
+    settings.seed = args.seed.unwrap_or(settings.seed);
+    settings.instruction_set = args.instruction_set.or(settings.instruction_set);
+    settings.absolute |= args.absolute;
+    Ok((settings, earlier))
+}
+
+/// The job's checkpoints: a new job's, or an interrupted one's with `--resume`.
+fn workspace(args: &Args) -> Result<Workspace, Failure> {
+    for partial in staging::remains(&args.out) {
+        terminal::note(format!(
+            "warning: a run that was interrupted while it wrote left {}; nothing reads it, remove it when no other run \
+             is writing",
+            partial.display()
+        ));
+    }
+    if !args.resume {
+        return Ok(Workspace::create(&args.out)?);
+    }
+    let workspace = Workspace::resume(&args.out);
+    if !workspace.has_checkpoint() {
+        terminal::note("nothing to resume; starting anew");
+    }
+    Ok(workspace)
+}
+
+fn import(file: &Path, bars: &Bars) -> Result<Model, Failure> {
+    bars.begin(Stage::Import);
+    let imported = import_path(file, &ImportLimits::default());
+    bars.end(Stage::Import);
+    let model = imported?;
+    for note in model.notes() {
+        terminal::note(format!("note: {}: {}", note.object, note.text));
+    }
+    Ok(model)
+}
+
+fn warn_of_another(model: &Model, earlier: &Record) {
+    if ModelRecord::of(model).digest != earlier.model.digest {
+        terminal::note(format!(
+            "warning: the settings were recorded with another model, {:?}; the slices will differ",
+            earlier.model.name
+        ));
+    }
+    if env!("CARGO_PKG_VERSION") != earlier.version {
+        terminal::note(format!("warning: the settings were recorded by version {}", earlier.version));
+    }
+}
+
+/// What a cancelled job leaves.
+fn kept(out: &Path) -> String {
+    let folder = Workspace::folder_of(out);
+    match folder.exists() {
+        true => format!("{} holds what was done; go on with --resume", folder.display()),
+        false => "nothing was written".to_owned(),
+    }
 }

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use pellucid::stage::{Observer, Stage};
 
+use crate::terminal::note;
+
 /// Shows each stage with its rate and the time left.
 pub struct Bars {
     terminal: bool,
@@ -49,7 +51,7 @@ impl Observer for Bars {
         let taken = self.current.lock().ok().and_then(|mut current| current.take());
         if let Some((_, bar, start)) = taken {
             bar.finish_and_clear();
-            eprintln!("{:>16}  {:.1} s", stage.name(), start.elapsed().as_secs_f64());
+            note(format!("{:>16}  {:.1} s", stage.name(), start.elapsed().as_secs_f64()));
         }
     }
 
@@ -61,7 +63,15 @@ impl Observer for Bars {
                     bar.println(line);
                 }
             }
-            _ => eprintln!("{line}"),
+            _ => note(line),
         }
     }
+}
+
+/// The process's peak resident memory in bytes, from Linux's `/proc`; `None` elsewhere.
+pub fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
 }

@@ -1,70 +1,108 @@
 //! The facade's error type: which crate failed, or which file could not be written.
 
-use std::path::PathBuf;
-
-use pellucid_voxel::VoxelError;
+use pellucid_core::{Cancelled, Fault, FileError};
 
 /// Why a print job ended early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PrintError {
-    /// A setting or a volume is out of range, or the job was cancelled.
+    /// A setting is out of range, or two inputs do not fit together.
+    #[error("invalid {0}")]
+    Invalid(Fault),
+    /// The request is well formed but beyond what can be done, here or by the printer.
+    #[error("unsupported {0}")]
+    Unsupported(Fault),
+    /// A file could not be read or written.
     #[error(transparent)]
-    Voxel(#[from] VoxelError),
+    Io(#[from] FileError),
+    /// What an interrupted job left does not belong to this one.
+    #[error("{} is of another job: {difference}", folder.display())]
+    OtherJob {
+        /// The folder of checkpoints.
+        folder: std::path::PathBuf,
+        /// What differs.
+        difference: String,
+    },
+    /// An interrupted job left checkpoints, and nobody said what to do with them.
+    #[error(
+        "an interrupted job left {}; go on with it by --resume (`Workspace::resume`), or remove that folder to start anew",
+        folder.display()
+    )]
+    Interrupted {
+        /// The folder of checkpoints.
+        folder: std::path::PathBuf,
+    },
+    /// A volume is out of range.
+    #[error(transparent)]
+    Voxel(pellucid_voxel::VoxelError),
     /// The model could not be imported or voxelised.
     #[error(transparent)]
-    Mesh(#[from] pellucid_mesh::MeshError),
+    Mesh(pellucid_mesh::MeshError),
     /// Colour tables could not be built.
     #[error(transparent)]
-    Color(#[from] pellucid_color::ColorError),
-    /// Light transport failed.
+    Color(pellucid_color::ColorError),
+    /// The predictor does not fit the job, or failed.
     #[error(transparent)]
-    Trace(#[from] pellucid_trace::TraceError),
-    /// The network's weights could not be read.
-    #[cfg(feature = "rpnn")]
-    #[error(transparent)]
-    Rpnn(#[from] pellucid_rpnn::RpnnError),
-    /// The predictor does not fit the job.
-    #[error(transparent)]
-    Predict(#[from] pellucid_refine::PredictError),
+    Predict(pellucid_predict::PredictError),
     /// Refinement failed.
     #[error(transparent)]
-    Refine(#[from] pellucid_refine::RefineError),
+    Refine(pellucid_refine::RefineError),
+    /// The proof could not be drawn.
+    #[error(transparent)]
+    Proof(pellucid_proof::ProofError),
     /// Slices could not be written.
     #[error(transparent)]
-    Slice(#[from] pellucid_slice::SliceError),
-    /// A file could not be written.
-    #[error("{path}: {reason}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// The operating system's or encoder's reason.
-        reason: String,
-    },
+    Slice(pellucid_slice::SliceError),
+    /// The output folder may not be written.
+    #[error(transparent)]
+    Staging(#[from] pellucid_core::StagingError),
+    /// The caller asked for the job to stop.
+    #[error("cancelled")]
+    Cancelled,
 }
 
-impl From<pellucid_core::Cancelled> for PrintError {
-    fn from(_: pellucid_core::Cancelled) -> Self {
-        Self::Voxel(VoxelError::Cancelled)
+/// A crate's cancellation is the job's.
+macro_rules! from_crate {
+    ($($variant:ident($error:path)),* $(,)?) => {$(
+        impl From<$error> for PrintError {
+            fn from(error: $error) -> Self {
+                type Error = $error;
+                match error {
+                    Error::Cancelled => Self::Cancelled,
+                    other => Self::$variant(other),
+                }
+            }
+        }
+    )*};
+}
+
+from_crate! {
+    Voxel(pellucid_voxel::VoxelError),
+    Mesh(pellucid_mesh::MeshError),
+    Color(pellucid_color::ColorError),
+    Predict(pellucid_predict::PredictError),
+    Refine(pellucid_refine::RefineError),
+    Proof(pellucid_proof::ProofError),
+    Slice(pellucid_slice::SliceError),
+}
+
+impl From<Cancelled> for PrintError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
     }
 }
 
 impl PrintError {
     /// True when the job ended because the caller asked it to.
     pub fn is_cancelled(&self) -> bool {
-        matches!(
-            self,
-            Self::Voxel(VoxelError::Cancelled)
-                | Self::Mesh(pellucid_mesh::MeshError::Cancelled)
-                | Self::Color(pellucid_color::ColorError::Cancelled)
-                | Self::Trace(pellucid_trace::TraceError::Cancelled)
-                | Self::Predict(pellucid_refine::PredictError::Cancelled)
-                | Self::Refine(pellucid_refine::RefineError::Cancelled)
-                | Self::Slice(pellucid_slice::SliceError::Cancelled)
-        )
+        matches!(self, Self::Cancelled)
     }
 
-    pub(crate) fn io(path: impl Into<PathBuf>, reason: impl std::fmt::Display) -> Self {
-        Self::Io { path: path.into(), reason: reason.to_string() }
+    pub(crate) fn invalid(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Invalid(Fault::new(subject, reason))
+    }
+
+    pub(crate) fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unsupported(Fault::new(subject, reason))
     }
 }

@@ -4,25 +4,63 @@
 //! model into voxel slices whose printed appearance, after that, comes as close to the texture as the
 //! materials allow (Rittig et al. 2021; Sumin et al. 2019).
 //!
-//! # The tour
-//! 1. [`mesh`] imports glTF and decides which voxels are solid.
-//! 2. [`voxel`] holds labels, surface voxels and distance maps.
-//! 3. [`color`] knows which colours the materials can mix.
-//! 4. [`trace`] predicts radiance by path tracing; [`predictor`] adapts it to
-//! 5. [`refine`], the loop that rearranges materials until prediction and target agree.
-//! 6. [`slice`](mod@slice) writes what the printer reads, [`proof`] what it will look like.
+//! # The whole job
+//! [`PrintJob`] makes four artefacts, each of which a tool may keep, inspect or replace: [`Placed`](job::Placed)
+//! (which voxels are solid, and their texture), [`Aimed`](job::Aimed) (what each surface voxel should show),
+//! [`Refined`](job::Refined) (the labels to print) and [`Judged`](job::Judged) (what fresh paths say of them).
 //!
-//! [`PrintJob`] does all of it. Each step is a cargo feature; `job`, the default, is all of them.
+//! ```
+//! # #[cfg(feature = "job")] {
+//! use pellucid::mesh::{Scale, shapes};
+//! use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let model = shapes::cube();
+//! let mut settings = PrintSettings { scale: Scale::HeightMm(0.5), spp: 2, ..PrintSettings::default() };
+//! settings.refine.iterations = 1;
+//! let job = PrintJob::new(settings)?;
+//! let prepared = job.prepare(&model, &Workspace::none(), &Monitor::silent())?;
+//! assert!(prepared.judged.evaluation.refined.voxel.mean.is_finite());
+//! # Ok(()) }
+//! # main().unwrap() }
+//! ```
+//!
+//! # The tour
+//! | module | what it is for | feature |
+//! | --- | --- | --- |
+//! | [`core`](mod@core) | progress, cancellation, error texts, whole files | always |
+//! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always |
+//! | `halftone` | blue-noise masks | `refine` |
+//! | `mesh` | glTF import and voxelisation | `mesh` |
+//! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |
+//! | `stencil` | the hierarchical descriptor that the network sees | `stencil` |
+//! | `rpnn` | the network, its trainer and weights | `rpnn`, `weights`, `candle` |
+//! | `trace` | the volumetric path tracer | `trace` |
+//! | `predict` | one interface over tracer and network | `predict`, `mc`, `rpnn` |
+//! | `refine` | the loop that rearranges materials, and the judge | `refine` |
+//! | `slice` | print targets and slice stacks | `slice` |
+//! | `proof` | pictures of the print | `proof` |
+//! | `dataset` | procedural volumes and labelled samples | `dataset` |
+//!
+//! `job`, the default, is what [`PrintJob`] needs, with the path tracer as predictor. `weights` adds the network.
+//! Features only add: no feature changes what another one does, or a default.
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
+pub use pellucid_core as core;
 pub use pellucid_voxel as voxel;
 
 #[cfg(feature = "color")]
 pub use pellucid_color as color;
 #[cfg(feature = "dataset")]
 pub use pellucid_dataset as dataset;
+#[cfg(feature = "refine")]
+pub use pellucid_halftone as halftone;
 #[cfg(feature = "mesh")]
 pub use pellucid_mesh as mesh;
+#[cfg(feature = "predict")]
+pub use pellucid_predict as predict;
+#[cfg(feature = "proof")]
+pub use pellucid_proof as proof;
 #[cfg(feature = "refine")]
 pub use pellucid_refine as refine;
 #[cfg(feature = "rpnn")]
@@ -35,31 +73,37 @@ pub use pellucid_stencil as stencil;
 pub use pellucid_trace as trace;
 
 #[cfg(feature = "job")]
-mod clock;
-#[cfg(feature = "job")]
 pub mod error;
-#[cfg(feature = "job")]
-mod evaluate;
 #[cfg(feature = "job")]
 pub mod job;
 #[cfg(feature = "job")]
-mod output;
-#[cfg(any(feature = "mc", feature = "rpnn"))]
-pub mod predictor;
-#[cfg(feature = "proof")]
-pub mod proof;
+mod monitor;
+#[cfg(feature = "job")]
+mod predictors;
+#[cfg(feature = "job")]
+pub mod record;
 #[cfg(feature = "job")]
 pub mod report;
 #[cfg(feature = "job")]
 pub mod settings;
 #[cfg(feature = "job")]
 pub mod stage;
+#[cfg(feature = "job")]
+mod workspace;
 
 #[cfg(feature = "job")]
 pub use error::PrintError;
 #[cfg(feature = "job")]
-pub use job::{Prepared, PrintJob, ProofView};
+pub use job::{Prepared, PrintJob};
+#[cfg(feature = "job")]
+pub use monitor::Monitor;
+#[cfg(feature = "job")]
+pub use predictors::NetworkWeights;
+#[cfg(feature = "job")]
+pub use record::{ModelRecord, Record};
 #[cfg(feature = "job")]
 pub use report::Report;
 #[cfg(feature = "job")]
 pub use settings::{PredictorKind, PrintSettings};
+#[cfg(feature = "job")]
+pub use workspace::Workspace;

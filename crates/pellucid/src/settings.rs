@@ -1,19 +1,30 @@
 //! What a print job is asked to do.
 
-use pellucid_mesh::voxelise::Scale;
-use pellucid_refine::RefineSettings;
+use pellucid_color::spectrum::Illuminant;
+use pellucid_core::InstructionSet;
+use pellucid_mesh::Scale;
+use pellucid_predict::{Correction, Sharing};
+use pellucid_refine::{Effort, RefineSettings, SurfaceFirst};
 use pellucid_slice::PrintTarget;
-use pellucid_trace::Boundary;
-use pellucid_voxel::{MaterialTable, VoxelError};
+use pellucid_voxel::MaterialTable;
+use serde::{Deserialize, Serialize};
 
-/// How appearance is predicted inside the refinement loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+use crate::PrintError;
+
+/// Most paths of a point and channel, and most points.
+const MOST: u32 = 1 << 20;
+
+/// How appearance is predicted inside the refinement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum PredictorKind {
     /// Monte Carlo path tracing.
+    #[default]
+    #[serde(rename = "mc")]
     MonteCarlo,
     /// The radiance-predicting neural network, corrected by paths at some of the points: with the weights that the
-    /// library carries (feature `weights`), or with `PrintSettings::weights` (feature `rpnn`).
+    /// library carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`).
+    #[serde(rename = "rpnn")]
     Rpnn,
 }
 
@@ -27,37 +38,58 @@ impl PredictorKind {
     }
 }
 
-/// Settings of a [`PrintJob`](crate::PrintJob).
-#[derive(Clone, Debug)]
+/// Settings of a [`PrintJob`](crate::PrintJob). All of them are recorded in a print's manifest and report, and can be
+/// read back from there.
+///
+/// End a literal with `..PrintSettings::default()`: fields will be added. No cargo feature adds or changes one.
+///
+/// ```
+/// use pellucid::PrintSettings;
+/// let settings: PrintSettings = serde_json::from_str(r#"{ "scale": { "height_mm": 40.0 }, "seed": 7 }"#)?;
+/// assert_eq!(settings.seed, 7);
+/// assert_eq!(settings.spp, PrintSettings::default().spp);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct PrintSettings {
     /// Print size; the model's own metres by default.
     pub scale: Scale,
     /// Printer: pitch, build space, palette.
-    pub target: PrintTarget,
-    /// Print materials; one is named `white`.
+    pub printer: PrintTarget,
+    /// Print materials, over any channels; one is named `white`.
     pub materials: MaterialTable,
-    /// Optical boundary of the printed surface.
-    pub boundary: Boundary,
-    /// Predictor of the loop: the network where the library carries its weights.
-    pub predictor: PredictorKind,
-    /// Weights for [`PredictorKind::Rpnn`] and what they were trained for; the library's own without them.
-    #[cfg(feature = "rpnn")]
-    pub weights: Option<std::sync::Arc<(pellucid_rpnn::Weights, pellucid_rpnn::file::Provenance)>>,
-    /// Paths a point and channel in each iteration of the loop: of every point with
-    /// [`PredictorKind::MonteCarlo`], of those that correct the network with [`PredictorKind::Rpnn`].
-    pub spp: u32,
-    /// Refinement: iterations, coloured depth and so on. Its seed is overridden by `seed`.
-    pub refine: RefineSettings,
+    /// Refractive index of the printed surface; 1 is index-matched.
+    pub refractive_index: f64,
+    /// The light that a print of many bands is looked at; R, G, B need none.
+    pub illuminant: Illuminant,
     /// Aim at absolute colours instead of colours relative to the print's white.
     pub absolute: bool,
+    /// Predictor of the refinement.
+    pub predictor: PredictorKind,
+    /// Weights for [`PredictorKind::Rpnn`]; the library's own without them. A record names them by their digest.
+    #[serde(skip)]
+    pub weights: Option<crate::predictors::NetworkWeights>,
+    /// Paths a point and channel in each iteration: of every point with [`PredictorKind::MonteCarlo`], of those that
+    /// correct the network with [`PredictorKind::Rpnn`].
+    pub spp: u32,
+    /// How paths correct the network.
+    pub correction: Correction,
+    /// How neighbouring points share the network's coarse levels, where its weights read them first; null for not.
+    pub sharing: Option<Sharing>,
+    /// Vector instructions; the best that the processor has without it. The path tracer's values do not depend on
+    /// them, the network's do in the last digits.
+    pub instruction_set: Option<InstructionSet>,
+    /// Refinement: iterations, coloured depth and so on. Its seed is [`PrintSettings::seed`].
+    pub refine: RefineSettings,
+    /// The strategy that corrects a surface voxel's own column.
+    pub surface_first: SurfaceFirst,
     /// Seed of everything random.
     pub seed: u64,
-    /// Surface voxels drawn for the error report.
-    pub evaluation_points: u32,
-    /// Paths a point and channel in the error report, even.
-    pub evaluation_spp: u32,
-    /// Paths a point and channel in the proof.
-    pub proof_spp: u32,
+    /// What the judge traces.
+    pub judge: Effort,
+    /// Paths a point and channel in one of the judge's passes.
+    pub judge_spp: u32,
     /// Longer edge of a proof picture in pixels.
     pub proof_edge: u32,
 }
@@ -66,54 +98,49 @@ impl Default for PrintSettings {
     fn default() -> Self {
         Self {
             scale: Scale::Native,
-            target: PrintTarget::j750(),
+            printer: PrintTarget::j750(),
             materials: MaterialTable::cmykw(),
-            boundary: Boundary::default(),
-            predictor: match cfg!(feature = "weights") {
-                true => PredictorKind::Rpnn,
-                false => PredictorKind::MonteCarlo,
-            },
-            #[cfg(feature = "rpnn")]
+            refractive_index: 1.5,
+            illuminant: Illuminant::default(),
+            absolute: false,
+            predictor: PredictorKind::default(),
             weights: None,
             spp: 16,
+            correction: Correction::default(),
+            sharing: Some(Sharing::default()),
+            instruction_set: None,
             refine: RefineSettings::default(),
-            absolute: false,
+            surface_first: SurfaceFirst::default(),
             seed: 0,
-            evaluation_points: 5_000,
-            evaluation_spp: 2048,
-            proof_spp: 64,
+            judge: Effort::default(),
+            judge_spp: 16,
             proof_edge: 480,
         }
     }
 }
 
 impl PrintSettings {
-    pub(crate) fn check(&self) -> Result<u8, VoxelError> {
-        let counts = [
-            ("spp", self.spp),
-            ("evaluation points", self.evaluation_points),
-            ("evaluation spp", self.evaluation_spp),
-            ("proof spp", self.proof_spp),
-        ];
-        for (field, value) in counts {
-            if !(1..=1 << 20).contains(&value) {
-                return Err(VoxelError::invalid(field, format!("{value}; 1 to {} are possible", 1 << 20)));
+    /// Checks what does not need other crates' tables, and finds the label of white.
+    pub(crate) fn check(&self) -> Result<u8, PrintError> {
+        for (field, value) in [("spp", self.spp), ("judge_spp", self.judge_spp)] {
+            if !(1..=MOST).contains(&value) {
+                return Err(PrintError::invalid(field, format!("{value}; 1 to {MOST} are possible")));
             }
         }
-        if self.evaluation_spp < 2 {
-            return Err(VoxelError::invalid(
-                "evaluation spp",
-                "at least 2 are needed to estimate their noise",
+        if !(1.0..=3.0).contains(&self.refractive_index) {
+            return Err(PrintError::invalid(
+                "refractive_index",
+                format!("{}; 1 (index-matched) to 3 are possible", self.refractive_index),
             ));
         }
-        if self.materials.channels() != 3 {
-            return Err(VoxelError::unsupported(
-                "materials",
-                format!("{} channels; a print job needs linear R, G, B", self.materials.channels()),
-            ));
+        if let Some(set) = self.instruction_set {
+            set.require().map_err(PrintError::Unsupported)?;
         }
+        self.refine.check()?;
+        self.surface_first.check()?;
+        self.judge.check()?;
         self.materials.label_of("white").ok_or_else(|| {
-            VoxelError::invalid("materials", "none is named \"white\", which fills the inside")
+            PrintError::invalid("materials", "none is named \"white\", which fills the inside")
         })
     }
 }

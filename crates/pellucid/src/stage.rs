@@ -1,6 +1,6 @@
 //! The stages of a print job and their observer.
 
-/// A step of the main job, in order. Refinement visits [`Stage::Refine`] once an iteration.
+/// A step of the main job, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Stage {
@@ -10,16 +10,18 @@ pub enum Stage {
     Voxelise,
     /// Surface voxels and their normals.
     Surface,
+    /// How thick the solid is below each surface voxel.
+    Thickness,
     /// The nearest surface voxel of each voxel within the coloured depth.
     Nearest,
-    /// Target colours from the texture.
-    Target,
-    /// Mixture and gamut tables.
+    /// Colours of the surface from the texture.
+    Texture,
+    /// Mixture and gamut tables, and the targets within their reach.
     Color,
-    /// One iteration of the refinement loop.
+    /// The refinement: all its iterations.
     Refine,
-    /// Re-prediction of the error report and of the proof's colours.
-    Evaluate,
+    /// Judging the labels before and after by fresh paths.
+    Judge,
     /// Drawing the proof.
     Proof,
     /// Writing slices.
@@ -33,36 +35,40 @@ impl Stage {
             Stage::Import => "import",
             Stage::Voxelise => "voxelise",
             Stage::Surface => "surface",
+            Stage::Thickness => "thickness",
             Stage::Nearest => "nearest surface",
-            Stage::Target => "target colours",
+            Stage::Texture => "texture",
             Stage::Color => "colour tables",
             Stage::Refine => "refine",
-            Stage::Evaluate => "evaluate",
+            Stage::Judge => "judge",
             Stage::Proof => "proof",
             Stage::Slices => "slices",
         }
     }
 }
 
-/// Told what a job is doing. Methods may be called from worker threads.
+/// Told what a job is doing. Methods may be called from worker threads; each does nothing unless it is written.
 pub trait Observer: Sync {
     /// A stage begins.
-    fn begin(&self, stage: Stage);
+    fn begin(&self, stage: Stage) {
+        let _ = stage;
+    }
     /// `done` of `total` units of the stage are finished; `done` may arrive out of order.
-    fn progress(&self, stage: Stage, done: u64, total: u64);
+    fn progress(&self, stage: Stage, done: u64, total: u64) {
+        let _ = (stage, done, total);
+    }
     /// A stage ended.
-    fn end(&self, stage: Stage);
+    fn end(&self, stage: Stage) {
+        let _ = stage;
+    }
     /// Something the user should know, such as a hole in the mesh.
-    fn warn(&self, message: &str);
+    fn warn(&self, message: &str) {
+        let _ = message;
+    }
 }
 
 /// An observer that ignores everything.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
-impl Observer for Silent {
-    fn begin(&self, _: Stage) {}
-    fn progress(&self, _: Stage, _: u64, _: u64) {}
-    fn end(&self, _: Stage) {}
-    fn warn(&self, _: &str) {}
-}
+impl Observer for Silent {}

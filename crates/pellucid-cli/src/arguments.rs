@@ -1,0 +1,69 @@
+//! Values of arguments: ranges that say what is allowed, printers and materials by name or file.
+
+use std::path::Path;
+
+use pellucid::slice::PrintTarget;
+use pellucid::voxel::MaterialTable;
+
+use crate::Failure;
+
+/// Heights in mm that anybody prints.
+const HEIGHT_MM: std::ops::RangeInclusive<f64> = 0.05..=10_000.0;
+
+/// A height in mm.
+pub fn height_mm(text: &str) -> Result<f64, String> {
+    let allowed = format!("a height is {} to {} mm", HEIGHT_MM.start(), HEIGHT_MM.end());
+    let value: f64 = text.parse().map_err(|_| format!("not a number; {allowed}"))?;
+    if HEIGHT_MM.contains(&value) { Ok(value) } else { Err(allowed) }
+}
+
+/// A refractive index.
+pub fn refractive_index(text: &str) -> Result<f64, String> {
+    let allowed = "a refractive index is 1 (index-matched) to 3";
+    let value: f64 = text.parse().map_err(|_| format!("not a number; {allowed}"))?;
+    if (1.0..=3.0).contains(&value) { Ok(value) } else { Err(allowed.to_owned()) }
+}
+
+/// A whole number from 0 to 2^64 - 1.
+pub fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))
+}
+
+/// A whole number from 1 on.
+pub fn positive(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(value) if value > 0 => Ok(value),
+        _ => Err(format!("a whole number from 1 to {} is needed", u32::MAX)),
+    }
+}
+
+/// A whole number from 0 on.
+pub fn count(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| format!("a whole number from 0 to {} is needed", u32::MAX))
+}
+
+/// A printer by its name, or its profile's file.
+pub fn printer(name_or_file: &str) -> Result<PrintTarget, Failure> {
+    match PrintTarget::by_name(name_or_file) {
+        Some(printer) => Ok(printer),
+        None if Path::new(name_or_file).exists() => Ok(PrintTarget::load(Path::new(name_or_file))?),
+        None => Err(Failure::message(format!(
+            "--printer {name_or_file}: neither a file nor a printer that is known ({})",
+            PrintTarget::NAMES.join(", ")
+        ))),
+    }
+}
+
+/// Materials of a file.
+pub fn materials(file: &Path) -> Result<MaterialTable, Failure> {
+    Ok(MaterialTable::load(file)?)
+}
+
+/// Confines the work to so many threads.
+pub fn use_threads(threads: Option<u32>) -> Result<(), Failure> {
+    let Some(threads) = threads else { return Ok(()) };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads as usize)
+        .build_global()
+        .map_err(|e| Failure::message(format!("--threads {threads}: {e}")))
+}

@@ -1,0 +1,135 @@
+//! The main job: from a model to a prepared print, in four artefacts that a tool may make, keep or replace one by one.
+
+mod aimed;
+mod judged;
+mod placed;
+mod prepared;
+mod refined;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use pellucid_core::staging;
+use pellucid_mesh::Model;
+use pellucid_predict::Predictor;
+use pellucid_voxel::LabelGrid;
+
+use crate::{Monitor, PrintError, PrintSettings, Record, Workspace, predictors};
+
+pub use aimed::{Aimed, SharedInk};
+pub use judged::{Judged, ProofView};
+pub use placed::Placed;
+pub use prepared::{OWN_FILES, Prepared};
+pub use refined::Refined;
+
+/// Prepares prints: settings that were checked once.
+///
+/// [`PrintJob::prepare`] is [`place`](PrintJob::place), [`aim`](PrintJob::aim), [`refine`](PrintJob::refine) and
+/// [`judge`](PrintJob::judge) in a row.
+///
+/// ```no_run
+/// use std::path::Path;
+/// use pellucid::{Monitor, PrintJob, PrintSettings, Workspace, mesh};
+/// let model = mesh::import_path("model.glb", &mesh::ImportLimits::default())?;
+/// let job = PrintJob::new(PrintSettings::default())?;
+/// let monitor = Monitor::silent();
+/// let prepared = job.prepare(&model, &Workspace::none(), &monitor)?;
+/// let report = prepared.write(Path::new("print"), false, &monitor)?;
+/// println!("mean dE2000 {:.2}", report.evaluation.refined.voxel.mean);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone)]
+pub struct PrintJob {
+    settings: PrintSettings,
+    white: u8,
+    predictor: Arc<dyn Predictor>,
+}
+
+impl PrintJob {
+    /// Checks settings, and that the printer can print the materials.
+    ///
+    /// # Errors
+    /// [`PrintError`] naming the setting that is out of range, the material that the printer lacks, or what the
+    /// predictor was not made for.
+    pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
+        let white = settings.check()?;
+        settings.refine.seed = settings.seed;
+        let labels: Vec<u8> = (1..=settings.materials.len() as u8).collect();
+        pellucid_slice::check_materials(&settings.printer, &settings.materials, &labels)?;
+        let predictor = predictors::predictor(&settings)?;
+        predictor.supports_voxels(settings.printer.pitch(), settings.refractive_index)?;
+        Ok(Self { settings, white, predictor })
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &PrintSettings {
+        &self.settings
+    }
+
+    /// Tells before any work whether [`Prepared::write`] would refuse the output folder. Changes nothing.
+    ///
+    /// # Errors
+    /// [`PrintError::Staging`] when the folder exists and may not be replaced.
+    pub fn check_output(&self, dir: &Path, force: bool) -> Result<(), PrintError> {
+        Ok(staging::check(dir, force, &OWN_FILES)?)
+    }
+
+    /// Does the whole job in memory; `workspace` keeps what is done, in case the process ends early.
+    ///
+    /// # Errors
+    /// [`PrintError`] of the step that failed; [`PrintError::Cancelled`] once the monitor's flag is set.
+    pub fn prepare(
+        &self,
+        model: &Model,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Prepared, PrintError> {
+        self.prepare_with(&*self.predictor, model, workspace, monitor)
+    }
+
+    /// [`PrintJob::prepare`] with a predictor of one's own.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn prepare_with(
+        &self,
+        predictor: &dyn Predictor,
+        model: &Model,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Prepared, PrintError> {
+        self.prepare_placed(predictor, self.place(model, monitor)?, workspace, monitor)
+    }
+
+    /// [`PrintJob::prepare`] of voxels that the caller brings: `labels` are solid where they are not air, and
+    /// `color` gives the linear RGB (of the texture) of a surface voxel.
+    ///
+    /// # Errors
+    /// As [`PrintJob::place_volume`] and [`PrintJob::prepare`].
+    pub fn prepare_volume(
+        &self,
+        name: &str,
+        labels: &LabelGrid,
+        color: impl Fn([u32; 3]) -> [f32; 3] + Sync,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Prepared, PrintError> {
+        let placed = self.place_volume(name, labels, color, monitor)?;
+        self.prepare_placed(&*self.predictor, placed, workspace, monitor)
+    }
+
+    fn prepare_placed(
+        &self,
+        predictor: &dyn Predictor,
+        placed: Placed,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Prepared, PrintError> {
+        let record = Record::new(placed.model.clone(), predictor.identity(), self.settings.clone());
+        workspace.begin(&record)?;
+        let aimed = self.aim(placed, monitor)?;
+        let refined = self.refine_with(predictor, &aimed, workspace, monitor)?;
+        let judged = self.judge(&aimed, &refined, workspace, monitor)?;
+        Ok(Prepared { record, aimed, refined, judged })
+    }
+}

@@ -1,0 +1,168 @@
+//! The first artefact: which voxels are solid, and what colour their surface has in the texture.
+
+use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
+use pellucid_mesh::{MeshReport, Model, Placement, surface_colors};
+use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
+
+use crate::record::ModelRecord;
+use crate::report::Thinness;
+use crate::stage::Stage;
+use crate::{Monitor, PrintError, PrintJob};
+
+/// Thickness in mm from which a part counts as thick.
+pub(crate) const THICK_MM: f64 = 10.0;
+
+/// A shape in print space, all of it white, and the texture's colour of its surface.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Placed {
+    /// Which model it is.
+    pub model: ModelRecord,
+    /// White where it is solid.
+    pub solid: LabelGrid,
+    /// Surface voxels and normals.
+    pub surface: Surface,
+    /// The nearest surface voxel of each voxel within the coloured depth.
+    pub nearest: NearestSurface,
+    /// Thickness in mm below each surface voxel, along its normal; at most 10.
+    pub thickness_mm: Vec<f32>,
+    /// Linear RGB of the texture at each surface voxel.
+    pub texture: Vec<[f32; 3]>,
+    /// Size `[x, y, z]` in mm.
+    pub extent_mm: [f64; 3],
+    /// The model's mesh, where there was one.
+    pub mesh: Option<MeshReport>,
+}
+
+impl PrintJob {
+    /// Voxelises a model.
+    ///
+    /// # Errors
+    /// [`PrintError::Unsupported`] at once when it is larger than the printer; [`PrintError`] of the step that failed.
+    pub fn place(&self, model: &Model, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
+        let s = &self.settings;
+        self.check_extent(Placement::new(model, s.scale)?.extent_mm())?;
+        let options = VoxeliseOptions {
+            pitch: s.printer.pitch(),
+            scale: s.scale,
+            label: self.white,
+            ..VoxeliseOptions::default()
+        };
+        let voxelised = monitor.run(Stage::Voxelise, |c| voxelise(model, &options, c))?;
+        warn_of_mesh(&voxelised.report, monitor);
+        let shape = self.measure(voxelised.grid, monitor)?;
+        let texture = monitor
+            .run(Stage::Texture, |c| surface_colors(model, &voxelised.placement, &shape.surface, c))?;
+        Ok(Placed {
+            model: ModelRecord::of(model),
+            texture,
+            extent_mm: voxelised.report.extent_mm,
+            mesh: Some(voxelised.report),
+            ..shape
+        })
+    }
+
+    /// Takes voxels as they are: `labels` are solid where they are not air, and `color` gives the linear RGB of a
+    /// surface voxel as a texture would.
+    ///
+    /// # Errors
+    /// [`PrintError::Invalid`] when the pitch is not the printer's or a colour is not finite,
+    /// [`PrintError::Unsupported`] when the box is larger than the printer.
+    pub fn place_volume(
+        &self,
+        name: &str,
+        labels: &LabelGrid,
+        color: impl Fn([u32; 3]) -> [f32; 3] + Sync,
+        monitor: &Monitor<'_>,
+    ) -> Result<Placed, PrintError> {
+        let (mm, size) = (labels.frame().pitch().mm(), labels.size());
+        let wanted = self.settings.printer.pitch().mm();
+        if mm.iter().zip(wanted).any(|(a, b)| (a / b - 1.0).abs() > 1e-6) {
+            return Err(PrintError::invalid(
+                "volume",
+                format!("its pitch is {mm:?} mm; the printer's is {wanted:?} mm"),
+            ));
+        }
+        self.check_extent(std::array::from_fn(|a| f64::from(size[a]) * mm[a]))?;
+        let white = self.white;
+        let solid =
+            LabelGrid::from_fn(*labels.frame(), |voxel| if labels.get(voxel) == AIR { AIR } else { white });
+        let mut placed = self.measure(solid, monitor)?;
+        placed.texture = placed.surface.voxels().iter().map(|&voxel| color(voxel)).collect();
+        if let Some(i) = placed.texture.iter().position(|rgb| rgb.iter().any(|v| !v.is_finite())) {
+            let voxel = placed.surface.voxels()[i];
+            return Err(PrintError::invalid("colour", format!("of voxel {voxel:?} is not finite")));
+        }
+        placed.model = ModelRecord::of_volume(name, &placed.solid, &placed.texture);
+        Ok(placed)
+    }
+
+    fn check_extent(&self, extent_mm: [f64; 3]) -> Result<(), PrintError> {
+        let printer = &self.settings.printer;
+        let space = printer.build_space_mm();
+        if (0..3).all(|a| extent_mm[a] <= space[a]) {
+            return Ok(());
+        }
+        let text = |mm: [f64; 3]| mm.map(|v| format!("{v:.4}")).map(trimmed).join(" x ");
+        Err(PrintError::unsupported(
+            "size",
+            format!(
+                "{} mm; printer {:?} prints {} mm at most: give a smaller height",
+                text(extent_mm),
+                printer.name(),
+                text(space)
+            ),
+        ))
+    }
+
+    /// Everything of a placed shape that follows from its voxels; colour, name and extent are the caller's.
+    fn measure(&self, solid: LabelGrid, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
+        let surface =
+            monitor.run(Stage::Surface, |c| Surface::extract(&solid, &SurfaceOptions::default(), c))?;
+        if surface.is_empty() {
+            return Err(PrintError::invalid("model", "no voxel is solid"));
+        }
+        let thickness_mm =
+            monitor.run(Stage::Thickness, |c| local_thickness_mm(&solid, &surface, THICK_MM, c))?;
+        let thin = Thinness::of(&thickness_mm);
+        if thin.below_1_mm > 0.01 {
+            monitor.warn(&format!(
+                "{:.0} % of the surface lies on less than 1 mm of material: colours pale and show through there",
+                100.0 * thin.below_1_mm
+            ));
+        }
+        let depth = self.settings.refine.coloured_depth_mm;
+        let nearest = monitor.run(Stage::Nearest, |c| NearestSurface::build(&solid, &surface, depth, c))?;
+        let (mm, size) = (solid.frame().pitch().mm(), solid.size());
+        Ok(Placed {
+            model: ModelRecord::default(),
+            solid,
+            surface,
+            nearest,
+            thickness_mm,
+            texture: Vec::new(),
+            extent_mm: std::array::from_fn(|a| f64::from(size[a]) * mm[a]),
+            mesh: None,
+        })
+    }
+}
+
+/// Without the zeros at the end of a decimal fraction; huge numbers in powers of ten.
+fn trimmed(number: String) -> String {
+    if number.len() > 12 {
+        return number.parse::<f64>().map_or(number, |v| format!("{v:.1e}"));
+    }
+    number.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+fn warn_of_mesh(mesh: &MeshReport, monitor: &Monitor<'_>) {
+    if !mesh.closed {
+        monitor.warn(&format!("the mesh is open; {} holes were closed", mesh.holes));
+    }
+    if mesh.flipped_shells > 0 {
+        monitor.warn(&format!("{} shells faced inwards and were turned round", mesh.flipped_shells));
+    }
+    if mesh.thin_voxels > 0 {
+        monitor.warn("parts thinner than a voxel were kept one voxel thick");
+    }
+}

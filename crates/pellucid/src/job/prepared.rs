@@ -1,0 +1,98 @@
+//! The finished print, and its files.
+
+use std::path::Path;
+
+use pellucid_core::files::write_whole_bytes;
+use pellucid_core::{FileError, StagedDir};
+use pellucid_proof::{contact_sheet, write_exr};
+use pellucid_slice::{ExportSettings, write_stack};
+
+use crate::job::{Aimed, Judged, Refined};
+use crate::stage::Stage;
+use crate::{Monitor, PrintError, Record, Report};
+
+/// The proof's columns, as EXR layers call them.
+const COLUMNS: [&str; 3] = ["target", "unrefined", "refined"];
+
+/// What a prepared print consists of; only a folder of these is ever replaced.
+pub const OWN_FILES: [&str; 5] = ["slices", "manifest.json", "report.json", "proof.png", "proof.exr"];
+
+/// A prepared print in memory.
+#[non_exhaustive]
+pub struct Prepared {
+    /// Settings, model and predictor.
+    pub record: Record,
+    /// Object and targets.
+    pub aimed: Aimed,
+    /// The labels to print.
+    pub refined: Refined,
+    /// Errors and appearance.
+    pub judged: Judged,
+}
+
+impl Prepared {
+    /// The report, with the times that `monitor` has seen.
+    pub fn report(&self, monitor: &Monitor<'_>) -> Report {
+        let (aimed, labels) = (&self.aimed, &self.refined.labels);
+        let counts = labels.histogram();
+        Report {
+            record: self.record.clone(),
+            media_white: aimed.viewing.media_white(),
+            extent_mm: aimed.extent_mm,
+            layers: labels.size()[2],
+            solid_voxels: counts[1..].iter().sum(),
+            surface_voxels: aimed.object.surface().len() as u64,
+            mesh: aimed.mesh.clone(),
+            thin: aimed.thin,
+            refinement: self.refined.report.clone(),
+            evaluation: self.judged.evaluation.clone(),
+            prediction: self.judged.prediction,
+            stages: monitor.times(),
+            peak_memory_bytes: monitor.peak_memory_bytes(),
+        }
+    }
+
+    /// Writes `slices/`, `manifest.json`, `report.json`, `proof.png` and `proof.exr` into the folder `dir`, which
+    /// appears complete or not at all, and returns the report.
+    ///
+    /// # Errors
+    /// [`PrintError::Staging`] when `dir` exists and `force` does not allow its replacement or it holds other files,
+    /// [`PrintError::Slice`], [`PrintError::Proof`], [`PrintError::Io`]; nothing is left behind then.
+    pub fn write(&self, dir: &Path, force: bool, monitor: &Monitor<'_>) -> Result<Report, PrintError> {
+        let staged = StagedDir::begin(dir, force, &OWN_FILES)?;
+        let record = serde_json::to_value(&self.record).map_err(unwritable(staged.path()))?;
+        let settings = ExportSettings {
+            seed: self.record.settings.seed,
+            generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
+            settings: record,
+        };
+        let (materials, printer) = (&self.record.settings.materials, &self.record.settings.printer);
+        monitor.run(Stage::Slices, |c| {
+            write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
+        })?;
+        self.write_proof(staged.path())?;
+        let report = self.report(monitor);
+        let path = staged.path().join("report.json");
+        let mut text = serde_json::to_vec_pretty(&report).map_err(unwritable(&path))?;
+        text.push(b'\n');
+        write_whole_bytes(&path, &text)?;
+        staged.commit()?;
+        Ok(report)
+    }
+
+    fn write_proof(&self, dir: &Path) -> Result<(), PrintError> {
+        let rows: Vec<Vec<_>> = self.judged.views.iter().map(|v| v.pictures.to_vec()).collect();
+        contact_sheet(&rows).write_png(&dir.join("proof.png"))?;
+        let layers: Vec<(String, &pellucid_proof::Picture)> = self
+            .judged
+            .views
+            .iter()
+            .flat_map(|v| COLUMNS.iter().zip(&v.pictures).map(|(c, p)| (format!("{c}.{}", v.name), p)))
+            .collect();
+        Ok(write_exr(&dir.join("proof.exr"), &layers)?)
+    }
+}
+
+fn unwritable(path: &Path) -> impl FnOnce(serde_json::Error) -> PrintError {
+    move |error| FileError::at("write", path)(std::io::Error::other(error)).into()
+}

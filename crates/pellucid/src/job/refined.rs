@@ -1,0 +1,79 @@
+//! The third artefact: the labels to print.
+
+use pellucid_predict::Predictor;
+use pellucid_refine::{RefineReport, Refinement, Saved};
+use pellucid_voxel::LabelGrid;
+
+use crate::job::Aimed;
+use crate::stage::Stage;
+use crate::workspace::REFINEMENT;
+use crate::{Monitor, PrintError, PrintJob, Workspace};
+
+/// Refined labels.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Refined {
+    /// The labels to print.
+    pub labels: LabelGrid,
+    /// The halftone before refinement.
+    pub unrefined: LabelGrid,
+    /// What happened.
+    pub report: RefineReport,
+}
+
+impl PrintJob {
+    /// Rearranges materials until the predicted appearance comes close to the target. The state is kept in
+    /// `workspace` after every iteration, and taken up from there.
+    ///
+    /// # Errors
+    /// [`PrintError::Refine`], [`PrintError::Predict`], [`PrintError::Io`] when a checkpoint cannot be written,
+    /// [`PrintError::Cancelled`].
+    pub fn refine(
+        &self,
+        aimed: &Aimed,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Refined, PrintError> {
+        self.refine_with(&*self.predictor, aimed, workspace, monitor)
+    }
+
+    /// [`PrintJob::refine`] with a predictor of one's own.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn refine_with(
+        &self,
+        predictor: &dyn Predictor,
+        aimed: &Aimed,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Refined, PrintError> {
+        let (settings, strategy) = (self.settings.refine.clone(), self.settings.surface_first.clone());
+        let problem = aimed.problem()?;
+        let mut labels = aimed.solid.clone();
+        let refined = monitor.run(Stage::Refine, |control| {
+            let mut bound = predictor.bind(aimed.object.clone())?;
+            let mut refinement = match workspace.load(REFINEMENT)? {
+                Some(bytes) => Refinement::resume(problem, strategy, settings, Saved::from_bytes(&bytes)?)?,
+                None => Refinement::new(problem, strategy, settings)?,
+            };
+            let steps = u64::from(self.settings.refine.iterations) + 1;
+            while !refinement.is_finished() {
+                let before = u64::from(refinement.iteration());
+                let progress = |done: u64, total: u64| {
+                    control.report(before * total.max(1) + done, steps * total.max(1));
+                };
+                refinement.step(&mut labels, &mut *bound, &control.silent().with_progress(&progress))?;
+                workspace.save(REFINEMENT, || refinement.save().to_bytes())?;
+            }
+            Ok::<_, PrintError>(refinement.finish(&mut labels, &control.silent())?)
+        })?;
+        let outside = refined.report.outside_training;
+        if outside > 0 {
+            monitor.warn(&format!(
+                "{outside} predictions have coefficients around them that the network was not trained for"
+            ));
+        }
+        Ok(Refined { labels, unrefined: refined.unrefined, report: refined.report })
+    }
+}

@@ -1,0 +1,88 @@
+//! From settings to a predictor.
+
+use std::sync::Arc;
+
+use pellucid_predict::{MonteCarlo, Predictor};
+
+use crate::{PredictorKind, PrintError, PrintSettings};
+
+/// Weights of a network and what they were trained for. Reading them takes the feature `rpnn`.
+#[derive(Clone, Debug)]
+pub struct NetworkWeights {
+    #[cfg(feature = "rpnn")]
+    trained: Arc<pellucid_rpnn::TrainedNetwork>,
+    digest: String,
+}
+
+impl PartialEq for NetworkWeights {
+    fn eq(&self, other: &Self) -> bool {
+        self.digest == other.digest
+    }
+}
+
+#[cfg(feature = "rpnn")]
+impl NetworkWeights {
+    /// Wraps weights in memory.
+    pub fn new(trained: pellucid_rpnn::TrainedNetwork) -> Self {
+        Self { digest: trained.digest(), trained: Arc::new(trained) }
+    }
+
+    /// Reads a file of `pellucid train`.
+    ///
+    /// # Errors
+    /// [`pellucid_rpnn::RpnnError`] when it is no such file.
+    pub fn load(path: impl AsRef<std::path::Path>) -> Result<Self, pellucid_rpnn::RpnnError> {
+        Ok(Self::new(pellucid_rpnn::file::load(path.as_ref())?))
+    }
+}
+
+/// The path tracer with `spp` paths a point and channel.
+pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCarlo, PrintError> {
+    let mut tracer = MonteCarlo::new(spp)?;
+    if let Some(set) = settings.instruction_set {
+        tracer = tracer.with_instruction_set(set)?;
+    }
+    Ok(tracer)
+}
+
+/// The predictor that settings name.
+pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
+    let tracer = monte_carlo(settings, settings.spp)?;
+    match settings.predictor {
+        PredictorKind::MonteCarlo => Ok(Arc::new(tracer)),
+        PredictorKind::Rpnn => corrected(settings, tracer),
+    }
+}
+
+#[cfg(feature = "rpnn")]
+fn corrected(settings: &PrintSettings, tracer: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
+    Ok(Arc::new(pellucid_predict::Corrected::new(network(settings)?, tracer, settings.correction)?))
+}
+
+#[cfg(not(feature = "rpnn"))]
+fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
+    Err(PrintError::unsupported("predictor", "this build has no network; build with the feature \"weights\""))
+}
+
+/// The network alone: what the report compares with the judge's paths.
+#[cfg(feature = "rpnn")]
+pub(crate) fn network(settings: &PrintSettings) -> Result<pellucid_predict::Network, PrintError> {
+    use pellucid_predict::Network;
+    let network = match &settings.weights {
+        Some(given) => Network::new(given.trained.clone()),
+        #[cfg(feature = "weights")]
+        None => Network::shipped()?,
+        #[cfg(not(feature = "weights"))]
+        None => {
+            return Err(PrintError::unsupported(
+                "predictor",
+                "this build carries no network weights; give some, or build with the feature \"weights\"",
+            ));
+        }
+    };
+    let mut network = network.with_sharing_where_possible(settings.sharing)?;
+    if let Some(set) = settings.instruction_set {
+        network = network.with_instruction_set(set)?;
+    }
+    Ok(network)
+}

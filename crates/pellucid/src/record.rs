@@ -1,0 +1,124 @@
+//! What it takes to make a print again: settings, model and predictor, as manifest, report and checkpoints hold them.
+
+use pellucid_core::Digest;
+use pellucid_mesh::Model;
+use pellucid_predict::Identity;
+use pellucid_voxel::{LabelGrid, Tile};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::{PrintError, PrintSettings};
+
+/// The record of a job. It holds no path of the machine that it ran on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Record {
+    /// Version of this library.
+    pub version: String,
+    /// The model.
+    pub model: ModelRecord,
+    /// The refinement's predictor.
+    pub predictor: Identity,
+    /// All settings.
+    pub settings: PrintSettings,
+}
+
+/// Which model, or volume.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ModelRecord {
+    /// Its name.
+    pub name: String,
+    /// Digest of its geometry and colours, in hexadecimal.
+    pub digest: String,
+    /// What import left out or put right.
+    #[serde(default)]
+    pub notes: Vec<String>,
+}
+
+impl ModelRecord {
+    /// Of an imported model.
+    pub fn of(model: &Model) -> Self {
+        Self {
+            name: model.name().to_owned(),
+            digest: model.digest().hex(),
+            notes: model.notes().iter().map(|n| format!("{}: {}", n.object, n.text)).collect(),
+        }
+    }
+
+    /// Of a volume that the caller brought.
+    pub fn of_volume(name: &str, solid: &LabelGrid, colors: &[[f32; 3]]) -> Self {
+        let mut digest = Digest::new();
+        for tile in solid.tiles() {
+            match tile {
+                Tile::Constant(label) => digest.add(&[*label]),
+                Tile::Dense(labels) => digest.add(&labels[..]),
+            }
+        }
+        colors.iter().flatten().for_each(|v| digest.add(&v.to_le_bytes()));
+        Self { name: name.to_owned(), digest: digest.hex(), notes: Vec::new() }
+    }
+}
+
+impl Record {
+    /// Of a job.
+    pub fn new(model: ModelRecord, predictor: Identity, settings: PrintSettings) -> Self {
+        Self { version: env!("CARGO_PKG_VERSION").to_owned(), model, predictor, settings }
+    }
+
+    /// Reads settings from JSON text: of a settings file, or of a manifest or report, which hold them.
+    ///
+    /// # Errors
+    /// [`PrintError::Invalid`] naming field and place.
+    pub fn settings_from_json(text: &str) -> Result<(PrintSettings, Option<Self>), PrintError> {
+        let bad = |e: serde_json::Error| PrintError::invalid("settings", pellucid_core::json::plain(&e));
+        let value: Value = serde_json::from_str(text).map_err(bad)?;
+        // A manifest keeps the record under `settings`, a report under `record`.
+        for holder in ["settings", "record"] {
+            if let Some(record) = value.get(holder).filter(|r| r.get("predictor").is_some_and(Value::is_object)) {
+                let record: Self = serde_json::from_value(record.clone()).map_err(bad)?;
+                return Ok((record.settings.clone(), Some(record)));
+            }
+        }
+        Ok((serde_json::from_str(text).map_err(bad)?, None))
+    }
+
+    /// What differs between this record and that of an earlier job, in words; `None` where nothing does.
+    pub fn difference(&self, earlier: &Self) -> Option<String> {
+        let value = |record: &Self| serde_json::to_value(record).unwrap_or_default();
+        difference("", &value(earlier), &value(self))
+    }
+}
+
+fn difference(at: &str, was: &Value, is: &Value) -> Option<String> {
+    match (was, is) {
+        (Value::Object(was), Value::Object(is)) => {
+            let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
+            keys.into_iter().find_map(|key| {
+                let at = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
+                let [was, is] = [was, is].map(|map| map.get(key).unwrap_or(&Value::Null));
+                difference(&at, was, is)
+            })
+        }
+        _ if was == is => None,
+        _ => Some(format!("{at} was {was} and is {is}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_difference_names_the_field_and_both_values() {
+        let was = json!({ "settings": { "spp": 16, "refine": { "iterations": 10 } }, "x": [1, 2] });
+        assert_eq!(difference("", &was, &was), None);
+        let mut is = was.clone();
+        is["settings"]["refine"]["iterations"] = json!(8);
+        let text = difference("", &was, &is).unwrap();
+        assert_eq!(text, "settings.refine.iterations was 10 and is 8");
+        is = was.clone();
+        is["y"] = json!("new");
+        assert_eq!(difference("", &was, &is).unwrap(), "y was null and is \"new\"");
+    }
+}
