@@ -10,9 +10,12 @@
 pub fn plain(error: &serde_json::Error) -> String {
     let full = error.to_string();
     let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
-    let mut text = match text.strip_prefix("invalid type: ").or_else(|| text.strip_prefix("invalid value: ")) {
+    let mut text = match text.strip_prefix("invalid type: ").or_else(|| text.strip_prefix("invalid value: "))
+    {
         Some(rest) => match rest.split_once(", expected ") {
-            Some((found, wanted)) => format!("found {} where {} is expected", kind(found), wanted_kind(wanted)),
+            Some((found, wanted)) => {
+                format!("found {} where {} is expected", kind(found), wanted_kind(wanted))
+            }
             None => rest.to_owned(),
         },
         None => text.replace('`', "\""),
