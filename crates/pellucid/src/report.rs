@@ -1,10 +1,26 @@
 //! The report of a print job, written as `report.json`.
 
 use pellucid_mesh::MeshReport;
-use pellucid_refine::{Evaluation, PredictionError, RefineReport};
+use pellucid_core::NoisyScore;
+use pellucid_refine::{Evaluation, RefineReport};
 use serde::{Deserialize, Serialize};
 
 use crate::record::Record;
+
+/// How far the network was off on the labels that were written, in linear radiance, 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PredictionError {
+    /// Root mean square over the judge's points and channels, the judge's own noise taken out.
+    pub rmse: f64,
+    /// Mean of prediction less judgement.
+    pub bias: f64,
+}
+
+impl PredictionError {
+    pub(crate) fn of(score: &NoisyScore) -> Self {
+        Self { rmse: score.rmse(), bias: score.bias() }
+    }
+}
 
 /// Where material is thin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -96,7 +96,7 @@ impl Workspace {
     }
 
     /// Keeps what a stage has done. `bytes` are made only where they are kept.
-    pub(crate) fn save(&self, name: &str, bytes: impl FnOnce() -> Vec<u8>) -> Result<(), PrintError> {
+    pub(crate) fn save(&self, name: &str, bytes: impl FnOnce() -> Result<Vec<u8>, PrintError>) -> Result<(), PrintError> {
         let Some(folder) = &self.folder else { return Ok(()) };
         let path = folder.join(RECORD);
         if let Some(record) = self.record.get().filter(|_| !path.exists()) {
@@ -105,7 +105,7 @@ impl Workspace {
                 .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
             write_whole_bytes(&path, &text)?;
         }
-        Ok(write_whole_bytes(folder.join(name), &bytes())?)
+        Ok(write_whole_bytes(folder.join(name), &bytes()?)?)
     }
 
     /// Removes the checkpoints of a job that is complete.

@@ -54,18 +54,15 @@ pub struct Aimed {
 
 impl Aimed {
     /// The refinement's problem.
-    ///
-    /// # Errors
-    /// [`PrintError::Refine`] when parts were replaced by ones that do not fit together.
-    pub fn problem(&self) -> Result<Problem<'_>, PrintError> {
-        Ok(Problem::new(
-            &self.object,
-            &self.nearest,
-            &*self.ink,
-            &self.viewing,
-            &self.target,
-            &self.printable_target,
-        )?)
+    pub fn problem(&self) -> Problem<'_> {
+        Problem {
+            object: &self.object,
+            nearest: &self.nearest,
+            ink: &*self.ink,
+            viewing: &self.viewing,
+            target: &self.target,
+            printable_target: &self.printable_target,
+        }
     }
 }
 

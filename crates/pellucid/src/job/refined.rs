@@ -49,13 +49,16 @@ impl PrintJob {
         monitor: &Monitor<'_>,
     ) -> Result<Refined, PrintError> {
         let (settings, strategy) = (self.settings.refine.clone(), self.settings.surface_first.clone());
-        let problem = aimed.problem()?;
+        let problem = aimed.problem();
         let mut labels = aimed.solid.clone();
         let refined = monitor.run(Stage::Refine, |control| {
             let mut bound = predictor.bind(aimed.object.clone())?;
             let mut refinement = match workspace.load(REFINEMENT)? {
-                Some(bytes) => Refinement::resume(problem, strategy, settings, Saved::from_bytes(&bytes)?)?,
-                None => Refinement::new(problem, strategy, settings)?,
+                Some(bytes) => {
+                    let saved = Saved::from_bytes(&bytes)?;
+                    Refinement::resume(problem, strategy, settings, saved, control)?
+                }
+                None => Refinement::new(problem, strategy, settings, control)?,
             };
             let steps = u64::from(self.settings.refine.iterations) + 1;
             while !refinement.is_finished() {
@@ -64,7 +67,7 @@ impl PrintJob {
                     control.report(before * total.max(1) + done, steps * total.max(1));
                 };
                 refinement.step(&mut labels, &mut *bound, &control.silent().with_progress(&progress))?;
-                workspace.save(REFINEMENT, || refinement.save().to_bytes())?;
+                workspace.save(REFINEMENT, || Ok(refinement.save().to_bytes()?))?;
             }
             Ok::<_, PrintError>(refinement.finish(&mut labels, &control.silent())?)
         })?;
