@@ -1,7 +1,7 @@
 //! End-to-end tests of the workspace live in `tests/`; this library holds what they share.
 
 use pellucid::mesh::{BaseColor, Model, Triangle, Vertex};
-use pellucid::voxel::LabelGrid;
+use pellucid::voxel::{Channels, LabelGrid, Material, MaterialTable};
 
 /// A ball of 6 mm with patches of two vertex colours, about 32 x 16 faces: closed and oriented.
 pub fn patched_ball() -> Model {
@@ -51,3 +51,27 @@ pub fn label_digest(grid: &LabelGrid) -> u64 {
     }
     digest
 }
+
+/// Cyan, magenta, yellow, black and white over 31 bands: the default table's coefficients, joined smoothly from its
+/// blue at 450 nm over its green at 550 nm to its red at 610 nm. A test's table, not a measured one.
+pub fn spectral_cmykw() -> MaterialTable {
+    let anchors = [(450.0, 2), (550.0, 1), (610.0, 0)];
+    let between = |values: &[f32], nm: f32| {
+        let [(low, b), (middle, g), (high, r)] = anchors;
+        let mix = |from: usize, to: usize, t: f32| values[from] + (values[to] - values[from]) * t.clamp(0.0, 1.0);
+        if nm < middle { mix(b, g, (nm - low) / (middle - low)) } else { mix(g, r, (nm - middle) / (high - middle)) }
+    };
+    let bands = |values: &[f32]| (0..31).map(|i| between(values, 400.0 + 10.0 * i as f32)).collect();
+    let materials = MaterialTable::cmykw()
+        .materials()
+        .iter()
+        .map(|m| Material { sigma_s: bands(&m.sigma_s), sigma_a: bands(&m.sigma_a), ..m.clone() })
+        .collect();
+    let channels = Channels::Bands { start_nm: 400.0, step_nm: 10.0, count: 31 };
+    MaterialTable::over(channels, materials).expect("the table is valid")
+}
+
+/// The Rust of the guide, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/GUIDE.md")]
+struct Guide;
