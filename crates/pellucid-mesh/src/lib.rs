@@ -21,6 +21,7 @@ mod bvh;
 mod edges;
 pub mod error;
 mod geometry;
+mod hull;
 pub mod import;
 pub mod mesh_report;
 pub mod model;

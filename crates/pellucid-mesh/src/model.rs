@@ -120,6 +120,13 @@ impl Model {
         Ok(Self { name, vertices, triangles, materials, textures, notes: Vec::new() })
     }
 
+    /// The same model with the triangles alone for which `keep` holds, by index; at least one must.
+    pub(crate) fn keeping(mut self, keep: impl Fn(u32) -> bool) -> Self {
+        let kept = (0..).zip(&self.triangles).filter(|(t, _)| keep(*t)).map(|(_, t)| *t);
+        self.triangles = kept.collect();
+        self
+    }
+
     /// The same model with the importer's notes.
     #[must_use]
     pub fn with_notes(self, notes: Vec<Note>) -> Self {

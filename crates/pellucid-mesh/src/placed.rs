@@ -27,11 +27,15 @@ impl<'m> PlacedMesh<'m> {
 
     /// Analyses a model's mesh at a placement of that model.
     pub fn at(model: &'m Model, placement: Placement) -> Self {
-        let positions: Vec<Vec3> = model.vertices().iter().map(|v| placement.to_mm(v.position_m)).collect();
+        Self { model, placement, topology: Self::topology_of(model, |p| placement.to_mm(p)) }
+    }
+
+    /// The welded, oriented and capped mesh of a model in a space of any scale.
+    pub(crate) fn topology_of(model: &Model, to_space: impl Fn(Vec3) -> Vec3) -> Topology {
+        let positions: Vec<Vec3> = model.vertices().iter().map(|v| to_space(v.position_m)).collect();
         let triangles: Vec<[u32; 3]> = model.triangles().iter().map(|t| t.vertices).collect();
-        let [low, high] = model.bounds_m().map(|p| placement.to_mm(p));
-        let tolerance = WELD * length(sub(high, low));
-        Self { model, placement, topology: Topology::build(&positions, &triangles, tolerance) }
+        let [low, high] = model.bounds_m().map(to_space);
+        Topology::build(&positions, &triangles, WELD * length(sub(high, low)))
     }
 
     /// The model.

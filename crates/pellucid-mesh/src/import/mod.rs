@@ -8,9 +8,10 @@
 //! of positions, coordinates and colours at their default weights.
 //!
 //! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
-//! (prints are opaque), emission (prints do not glow), and what a scale of 0 collapses. Without a
-//! default scene the only scene is taken, or else all root nodes. A material's other extensions
-//! (gloss, coat) are ignored.
+//! (prints are opaque), emission (prints do not glow), what a scale of 0 collapses, and inverted
+//! hulls: outlines drawn by a single-sided shell around a body that faces inwards. Without a default
+//! scene the only scene is taken, or else all root nodes. A material's other extensions (gloss, coat)
+//! are ignored.
 //!
 //! Refused with the object and a remedy: Draco and meshopt compression, other required
 //! extensions, textures other than PNG and JPEG, a texture without coordinates, URIs that leave
@@ -36,6 +37,7 @@ use std::path::Path;
 
 pub use limits::ImportLimits;
 
+use crate::hull::without_hulls;
 use crate::{MeshError, Model};
 use buffers::Buffers;
 use materials::Materials;
@@ -160,6 +162,8 @@ fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
         materials.textures,
     )?;
     note_strays(source, &model);
+    let (model, notes) = without_hulls(model);
+    notes.into_iter().for_each(|note| source.note(note.object, note.text));
     Ok(model)
 }
 
