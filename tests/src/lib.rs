@@ -33,7 +33,7 @@ pub fn patched_ball() -> Model {
                 .extend(corners.iter().map(|c| Triangle { vertices: c.map(|v| first + v), material: 0 }));
         }
     }
-    let plain = BaseColor { name: "patches".into(), factor: [1.0; 4], texture: None };
+    let plain = BaseColor { name: "patches".into(), factor: [1.0; 4], texture: None, double_sided: false };
     Model::new("patched ball", vertices, triangles, vec![plain], vec![]).expect("the ball is valid")
 }
 

@@ -145,6 +145,38 @@ impl Bvh {
         }
     }
 
+    /// Calls `visit` for items in leaves whose box the segment from `from` to `from + way` meets, in
+    /// a fixed order.
+    pub fn along(&self, from: Vec3, way: Vec3, mut visit: impl FnMut(u32)) {
+        let meets = |b: &Bounds| {
+            let (mut enter, mut leave) = (0.0f64, 1.0f64);
+            for k in 0..3 {
+                if way[k] == 0.0 {
+                    if from[k] < b.min[k] || from[k] > b.max[k] {
+                        return false;
+                    }
+                    continue;
+                }
+                let (a, c) = ((b.min[k] - from[k]) / way[k], (b.max[k] - from[k]) / way[k]);
+                enter = enter.max(a.min(c));
+                leave = leave.min(a.max(c));
+            }
+            // A flat box may be missed by rounding.
+            enter <= leave + 1e-9
+        };
+        let mut stack = vec![0u32];
+        while let Some(index) = stack.pop() {
+            let Some(node) = self.nodes.get(index as usize).filter(|n| meets(&n.bounds)) else {
+                continue;
+            };
+            if node.is_leaf() {
+                self.order[node.range()].iter().for_each(|&item| visit(item));
+            } else {
+                stack.extend([node.right, index + 1]);
+            }
+        }
+    }
+
     /// Calls `visit` for items in leaves whose box overlaps `area` until it returns true; says
     /// whether it did. The caller tests the item's own box where that matters.
     pub fn any_overlapping(&self, area: &Bounds, mut visit: impl FnMut(u32) -> bool) -> bool {
@@ -241,6 +273,26 @@ mod tests {
             let expected: Vec<u32> =
                 (0..items.len() as u32).filter(|&i| items[i as usize].overlaps(&area)).collect();
             prop_assert_eq!(hits, expected);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_segment_meets_every_box_it_passes(
+            items in boxes(),
+            from in prop::array::uniform3(-4.0..4.0f64),
+            way in prop::array::uniform3(prop_oneof![Just(0.0), -4.0..4.0f64]),
+        ) {
+            let tree = Bvh::build(&items);
+            let mut met = vec![false; items.len()];
+            tree.along(from, way, |i| met[i as usize] = true);
+            for (item, met) in items.iter().zip(met) {
+                let passes = (0..=200).any(|k| {
+                    let p = std::array::from_fn(|a| from[a] + way[a] * f64::from(k) / 200.0);
+                    item.distance2_to(p) == 0.0
+                });
+                prop_assert!(met || !passes);
+            }
         }
     }
 

@@ -35,13 +35,14 @@ pub enum MeshError {
         remedy: String,
     },
     /// A file could not be read.
-    #[error("{file}: {object}: cannot be read: {source} ({remedy})")]
+    #[error("{file}: {object}: cannot be read ({remedy})")]
     Io {
         /// Name of the model.
         file: String,
         /// The part that refers to the unreadable file.
         object: String,
-        /// The operating system's error.
+        /// The operating system's error; not repeated in the text.
+        #[source]
         source: std::io::Error,
         /// What to do about it.
         remedy: String,

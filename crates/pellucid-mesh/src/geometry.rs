@@ -32,6 +32,13 @@ pub(crate) fn area_vector([a, b, c]: [Vec3; 3]) -> Vec3 {
     scale(cross(sub(b, a), sub(c, a)), 0.5)
 }
 
+/// Whether a triangle has an area beyond the rounding of its corners: not collapsed to a line.
+pub(crate) fn has_area([a, b, c]: [Vec3; 3]) -> bool {
+    let edges = [sub(b, a), sub(c, b), sub(a, c)];
+    let longest2 = edges.map(|e| dot(e, e)).into_iter().fold(0.0, f64::max);
+    length(cross(edges[0], edges[1])) > 1e-12 * longest2
+}
+
 /// The mean of a triangle's corners.
 pub(crate) fn centroid([a, b, c]: [Vec3; 3]) -> Vec3 {
     scale(add(add(a, b), c), 1.0 / 3.0)
@@ -70,6 +77,23 @@ pub(crate) fn nearest_on_triangle(p: Vec3, [a, b, c]: [Vec3; 3]) -> ([f64; 3], f
     let q = std::array::from_fn(|k| weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]);
     let d = sub(p, q);
     (weights, dot(d, d))
+}
+
+/// Where the line `from + t way` meets a triangle: t and barycentric weights. Points up to a
+/// rounding error outside count, so that no line slips between two triangles. (Möller and Trumbore
+/// 1997.)
+pub(crate) fn line_meets_triangle(from: Vec3, way: Vec3, [a, b, c]: [Vec3; 3]) -> Option<(f64, [f64; 3])> {
+    const SLACK: f64 = 1e-9;
+    let (e1, e2, offset) = (sub(b, a), sub(c, a), sub(from, a));
+    let p = cross(way, e2);
+    let determinant = dot(e1, p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let q = cross(offset, e1);
+    let (u, v) = (dot(offset, p) / determinant, dot(way, q) / determinant);
+    let inside = u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK;
+    inside.then(|| (dot(e2, q) / determinant, [1.0 - u - v, u, v]))
 }
 
 /// `a / b`, and 0 where a degenerate triangle makes `b` zero.
@@ -154,6 +178,37 @@ mod tests {
                 }
             }
         }
+    }
+
+    proptest! {
+        #[test]
+        fn a_line_through_a_point_of_a_triangle_meets_it_there(
+            corners in prop::array::uniform3(prop::array::uniform3(-2.0..2.0f64)),
+            from in prop::array::uniform3(-4.0..4.0f64),
+            weights in prop::array::uniform2(0.0..1.0f64),
+            beyond in -0.5..-0.01f64,
+        ) {
+            let (u, v) = (weights[0], weights[1] * (1.0 - weights[0]));
+            let at = |u: f64, v: f64| -> Vec3 {
+                std::array::from_fn(|k| u * corners[1][k] + v * corners[2][k] + (1.0 - u - v) * corners[0][k])
+            };
+            let way = sub(at(u, v), from);
+            let normal = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+            prop_assume!(dot(normal, way).abs() > 1e-3);
+            let (t, found) = line_meets_triangle(from, way, corners).unwrap();
+            prop_assert!((t - 1.0).abs() < 1e-6 && (found[1] - u).abs() < 1e-6 && (found[2] - v).abs() < 1e-6);
+            prop_assert!(line_meets_triangle(from, sub(at(beyond, v), from), corners).is_none());
+        }
+    }
+
+    #[test]
+    fn collapsed_triangles_have_no_area() {
+        let turned = |t: f64| [0.3 + 0.1 * t, 0.7 * t - 5.0, 0.9 - t / 3.0];
+        assert!(!has_area([turned(0.0), turned(0.1), turned(0.7)]));
+        assert!(!has_area([[1.0, 2.0, 3.0]; 3]));
+        assert!(!has_area([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [4.0, 2.0, 3.0]]));
+        assert!(has_area([[0.0; 3], [1.0, 0.0, 0.0], [0.5, 1e-9, 0.0]]));
+        assert!(has_area([[0.0; 3], [1e-9, 0.0, 0.0], [0.0, 1e-9, 0.0]]));
     }
 
     #[test]

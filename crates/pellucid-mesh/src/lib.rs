@@ -5,7 +5,9 @@
 //! | [`import`] | glTF 2.0 files into a [`Model`], within stated limits |
 //! | [`model`] | the imported mesh: vertices, triangles, base colours |
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
-//! | [`repair`] | what is wrong with a mesh: [`MeshReport`] |
+//! | [`placement`] | how large a model is printed, and where it lies in print space |
+//! | [`placed`] | a model in print space, its mesh analysed once for what follows |
+//! | [`mesh_report`] | what is wrong with a mesh: [`MeshReport`] |
 //! | [`voxelise`](mod@voxelise) | solid voxels by generalised winding number |
 //! | [`thickness`] | where a print is thin: [`ThicknessReport`] |
 //! | [`target`] | the colour of each surface voxel |
@@ -17,13 +19,19 @@
 
 mod bvh;
 mod digest;
+mod edges;
 pub mod error;
 mod geometry;
+mod hull;
 pub mod import;
+pub mod mesh_report;
 pub mod model;
-pub mod repair;
+mod nesting;
+pub mod placed;
+pub mod placement;
 #[cfg(test)]
 mod shapes;
+mod shell;
 pub mod target;
 pub mod texture;
 pub mod thickness;
@@ -34,9 +42,11 @@ mod winding;
 
 pub use error::MeshError;
 pub use import::{ImportLimits, import_path, import_slice};
+pub use mesh_report::MeshReport;
 pub use model::{BaseColor, Model, Note, Triangle, Vertex};
-pub use repair::MeshReport;
+pub use placed::PlacedMesh;
+pub use placement::{Placement, Scale};
 pub use target::surface_colors;
 pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
 pub use thickness::{ThicknessReport, ThinRegion};
-pub use voxelise::{Placement, Scale, VoxeliseOptions, Voxelised, voxelise};
+pub use voxelise::{VoxeliseOptions, Voxelised, voxelise};

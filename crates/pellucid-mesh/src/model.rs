@@ -1,5 +1,6 @@
 //! The imported mesh and its colour.
 
+use crate::geometry::{Bounds, has_area};
 use crate::{MeshError, Texture};
 
 /// A corner of triangles of one material.
@@ -22,7 +23,7 @@ pub struct Triangle {
     pub material: u32,
 }
 
-/// Base colour of a material.
+/// Base colour of a material, and from which side it shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BaseColor {
     /// The material's name, or empty.
@@ -31,6 +32,8 @@ pub struct BaseColor {
     pub factor: [f32; 4],
     /// Index into [`Model::textures`].
     pub texture: Option<u32>,
+    /// Sheets show from behind too; without it only from the side they face.
+    pub double_sided: bool,
 }
 
 /// Something the importer left out or put right.
@@ -117,6 +120,13 @@ impl Model {
         Ok(Self { name, vertices, triangles, materials, textures, notes: Vec::new() })
     }
 
+    /// The same model with the triangles alone for which `keep` holds, by index; at least one must.
+    pub(crate) fn keeping(mut self, keep: impl Fn(u32) -> bool) -> Self {
+        let kept = (0..).zip(&self.triangles).filter(|(t, _)| keep(*t)).map(|(_, t)| *t);
+        self.triangles = kept.collect();
+        self
+    }
+
     /// The same model with the importer's notes.
     #[must_use]
     pub fn with_notes(self, notes: Vec<Note>) -> Self {
@@ -161,17 +171,16 @@ impl Model {
         self.triangles[triangle as usize].vertices.map(|v| self.vertices[v as usize].position_m)
     }
 
-    /// Lowest and highest corner of the box around all triangles, in metres.
+    /// Lowest and highest corner of the box around all triangles that have an area, in metres:
+    /// what is collapsed to a line or a point shows nowhere. Around all triangles where none has.
     pub fn bounds_m(&self) -> [[f64; 3]; 2] {
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for vertex in self.triangles.iter().flat_map(|t| t.vertices) {
-            let p = self.vertices[vertex as usize].position_m;
-            for axis in 0..3 {
-                bounds[0][axis] = bounds[0][axis].min(p[axis]);
-                bounds[1][axis] = bounds[1][axis].max(p[axis]);
-            }
-        }
-        bounds
+        let around = |count: &dyn Fn(&[[f64; 3]; 3]) -> bool| {
+            let corners = (0..self.triangles.len() as u32).map(|t| self.corners_m(t)).filter(|c| count(c));
+            Bounds::of(corners.flatten())
+        };
+        let bounds = around(&|c| has_area(*c));
+        let Bounds { min, max } = if bounds == Bounds::EMPTY { around(&|_| true) } else { bounds };
+        [min, max]
     }
 
     /// Linear RGB (0..1) of a surface point: base-colour factor x texture x vertex colour.

@@ -139,7 +139,7 @@ impl Shape {
         let triangles = (0..self.triangles.len() as u32)
             .map(|i| Triangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: 0 })
             .collect();
-        let white = BaseColor { name: "white".into(), factor: [1.0; 4], texture: None };
+        let white = BaseColor { name: "white".into(), factor: [1.0; 4], texture: None, double_sided: false };
         Model::new("shape", vertices.collect(), triangles, vec![white], vec![]).unwrap()
     }
 }

@@ -14,7 +14,7 @@ pub(crate) struct Welded {
     pub source: Vec<u32>,
     /// Triangles left out for having no area.
     pub degenerate: u64,
-    /// Triangles left out because an earlier one has the same corners, in either orientation.
+    /// Triangles left out because an earlier one has the same corners and faces the same way.
     pub duplicate: u64,
 }
 
@@ -54,8 +54,13 @@ fn join_equal(positions: &[Vec3]) -> (Vec<Vec3>, Vec<u32>) {
     (vertices, map)
 }
 
-/// Vertices on edges that do not run as often one way as the other, ascending.
+/// Vertices on edges with an odd number of triangles, ascending. Face to face copies count once:
+/// a rim is open though its back copy has the same.
 fn open_vertices(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut triangles: Vec<[u32; 3]> = triangles.to_vec();
+    triangles.iter_mut().for_each(|t| t.sort_unstable());
+    triangles.sort_unstable();
+    triangles.dedup();
     let mut edges: Vec<(u32, u32)> = triangles.iter().flat_map(|t| directed_edges(*t)).collect();
     edges.iter_mut().for_each(|e| *e = (e.0.min(e.1), e.0.max(e.1)));
     edges.sort_unstable();
@@ -108,8 +113,10 @@ fn keep(vertices: &[Vec3], corners: &[[u32; 3]]) -> Welded {
         if n == [0.0; 3] {
             degenerate += 1;
         }
-        let mut key = *t;
-        key.sort_unstable();
+        // The lowest corner first keeps the orientation: a wall between two bodies that touch, or a
+        // surface and its back copy, are two triangles.
+        let lowest = (0..3).fold(0, |best, k| if t[k] < t[best] { k } else { best });
+        let key = [t[lowest], t[(lowest + 1) % 3], t[(lowest + 2) % 3]];
         keyed.push((key, i as u32));
     }
     let candidates = keyed.len();
@@ -149,14 +156,15 @@ mod tests {
             [0, 1, 2],
             [4, 3, 5], // shares the edge 0-1 but for 1e-9
             [1, 0, 2], // the first, reversed
+            [1, 2, 0], // the first again
             [0, 3, 2], // two corners coincide
         ];
         let welded = weld(&positions, &triangles, 1e-6);
-        assert_eq!(welded.source, [0, 1]);
-        assert_eq!(welded.triangles, [[0, 1, 2], [1, 0, 4]]);
+        assert_eq!(welded.source, [0, 1, 2]);
+        assert_eq!(welded.triangles, [[0, 1, 2], [1, 0, 4], [1, 0, 2]]);
         assert_eq!((welded.degenerate, welded.duplicate), (1, 1));
 
         let strict = weld(&positions, &triangles, 0.0);
-        assert_eq!(strict.triangles, [[0, 1, 2], [3, 0, 4]]);
+        assert_eq!(strict.triangles, [[0, 1, 2], [3, 0, 4], [1, 0, 2]]);
     }
 }

@@ -17,7 +17,7 @@ fn corner_vertices() -> Vec<Vertex> {
 }
 
 fn plain(texture: Option<u32>) -> Vec<BaseColor> {
-    vec![BaseColor { name: "paint".into(), factor: [1.0; 4], texture }]
+    vec![BaseColor { name: "paint".into(), factor: [1.0; 4], texture, double_sided: false }]
 }
 
 const FACE: Triangle = Triangle { vertices: [0, 1, 2], material: 0 };

@@ -64,7 +64,10 @@ impl<'b, 'a> Materials<'b, 'a> {
         }
         let (color, tex_coord) = match material {
             Some(index) => self.read(object, index)?,
-            None => (BaseColor { name: String::new(), factor: [1.0; 4], texture: None }, None),
+            None => (
+                BaseColor { name: String::new(), factor: [1.0; 4], texture: None, double_sided: false },
+                None,
+            ),
         };
         let resolved = Resolved { index: self.base_colors.len() as u32, tex_coord };
         self.base_colors.push(color);
@@ -84,6 +87,10 @@ impl<'b, 'a> Materials<'b, 'a> {
         let object = label("material", index, material.name.as_deref());
         if material.alpha_mode.as_deref().is_some_and(|mode| mode != "OPAQUE") {
             source.note(&object, "its transparency is ignored: prints are opaque");
+        }
+        // The factor multiplies the texture, and is black by default.
+        if material.emissive_factor.is_some_and(|factor| factor.iter().any(|&c| c > 0.0)) {
+            source.note(&object, "its emission is left out: only its base colour is printed");
         }
         let (factor, texture) = match &material.extensions.specular_glossiness {
             Some(s) => (s.diffuse_factor, &s.diffuse_texture),
@@ -107,6 +114,7 @@ impl<'b, 'a> Materials<'b, 'a> {
             name: material.name.clone().unwrap_or_default(),
             factor: factor.map(|c| c.clamp(0.0, 1.0) as f32),
             texture,
+            double_sided: material.double_sided.unwrap_or(false),
         };
         Ok((color, tex_coord))
     }

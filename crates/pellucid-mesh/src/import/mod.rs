@@ -4,12 +4,14 @@
 //! default scene, triangle lists, strips and fans, every index and attribute type, sparse
 //! accessors, `KHR_mesh_quantization`, base-colour factor, texture and `COLOR_0`,
 //! `KHR_texture_transform`, samplers, the diffuse colour of
-//! `KHR_materials_pbrSpecularGlossiness`, `KHR_node_visibility`, skins at rest and morph targets
-//! at their default weights.
+//! `KHR_materials_pbrSpecularGlossiness`, `KHR_node_visibility`, skins at rest, and morph targets
+//! of positions, coordinates and colours at their default weights.
 //!
 //! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
-//! (prints are opaque). Without a default scene the only scene is taken, or else all root nodes.
-//! A material's other extensions (gloss, coat, glow) are ignored.
+//! (prints are opaque), emission (prints do not glow), what a scale of 0 collapses, and inverted
+//! hulls: outlines drawn by a single-sided shell around a body that faces inwards. Without a default
+//! scene the only scene is taken, or else all root nodes. A material's other extensions (gloss, coat)
+//! are ignored.
 //!
 //! Refused with the object and a remedy: Draco and meshopt compression, other required
 //! extensions, textures other than PNG and JPEG, a texture without coordinates, URIs that leave
@@ -35,6 +37,7 @@ use std::path::Path;
 
 pub use limits::ImportLimits;
 
+use crate::hull::without_hulls;
 use crate::{MeshError, Model};
 use buffers::Buffers;
 use materials::Materials;
@@ -128,6 +131,11 @@ fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
             }
             None => None,
         };
+        if joints.is_none() && nodes::collapses(&nodes.world[index]) {
+            let text = "its scale makes it a line or a point, so it is left out";
+            source.note(label("node", index, node.name.as_deref()), text);
+            continue;
+        }
         let placement = Placement {
             world: nodes.world[index],
             weights: node.weights.as_deref().unwrap_or(&mesh.weights),
@@ -146,5 +154,27 @@ fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
             "export a mesh with faces",
         ));
     }
-    Model::new(source.file, assembly.vertices, assembly.triangles, materials.base_colors, materials.textures)
+    let model = Model::new(
+        source.file,
+        assembly.vertices,
+        assembly.triangles,
+        materials.base_colors,
+        materials.textures,
+    )?;
+    note_strays(source, &model);
+    let (model, notes) = without_hulls(model);
+    notes.into_iter().for_each(|note| source.note(note.object, note.text));
+    Ok(model)
+}
+
+/// Says that triangles without area do not count where they reach beyond the rest.
+fn note_strays(source: &Source, model: &Model) {
+    let [low, high] = model.bounds_m();
+    let outside = |p: [f64; 3]| (0..3).any(|a| p[a] < low[a] || p[a] > high[a]);
+    let strays = (0..model.triangles().len() as u32).filter(|&t| model.corners_m(t).into_iter().any(outside));
+    let count = strays.count();
+    if count > 0 {
+        let text = format!("{count} triangles without area reach beyond the rest and are left out");
+        source.note("model", text);
+    }
 }

@@ -42,6 +42,14 @@ pub(super) fn resolve(source: &Source, root: &Root) -> Result<Nodes, MeshError> 
     Ok(Nodes { world, in_scene })
 }
 
+/// Whether a transform takes every triangle to a line or a point.
+pub(super) fn collapses(world: &DMat4) -> bool {
+    let [x, y, z] = [world.x_axis, world.y_axis, world.z_axis].map(|axis| axis.truncate());
+    let longest2 = [x, y, z].map(|axis| axis.length_squared()).into_iter().fold(0.0, f64::max);
+    let areas = [x.cross(y), y.cross(z), z.cross(x)].map(|n| n.length());
+    areas.into_iter().all(|area| area <= 1e-15 * longest2)
+}
+
 fn name(root: &Root, index: usize) -> String {
     label("node", index, root.nodes.get(index).and_then(|n| n.name.as_deref()))
 }

@@ -17,6 +17,9 @@ const INDICES: Shape = Shape { kinds: &["SCALAR"], components: &[U8, U16, U32], 
 /// Integers are KHR_mesh_quantization's.
 const POSITION: Shape = Shape { kinds: &["VEC3"], components: &[F32, I8, U8, I16, U16], zeros: false };
 const DISPLACEMENT: Shape = Shape { zeros: true, ..POSITION };
+const TEX_COORD_SHIFT: Shape = Shape { zeros: true, ..TEX_COORD };
+const COLOR_SHIFT: Shape =
+    Shape { kinds: &["VEC3", "VEC4"], components: &[F32, U8, U16, I8, I16], zeros: true };
 const TEX_COORD: Shape = Shape { kinds: &["VEC2"], components: &[F32, U8, U16, I8, I16], zeros: false };
 const COLOR: Shape = Shape { kinds: &["VEC3", "VEC4"], components: &[F32, U8, U16], zeros: false };
 
@@ -188,7 +191,7 @@ impl Assembly {
                 "simplify it or raise ImportLimits::vertices",
             ));
         }
-        let each = reader.targets.len() as u64 + reader.influences.as_ref().map_or(0, Influences::per_vertex);
+        let each = reader.targets() as u64 + reader.influences.as_ref().map_or(0, Influences::per_vertex);
         self.deformations = self.deformations.saturating_add(each.saturating_mul(vertices as u64));
         if self.deformations > source.limits.deformations {
             return Err(source.unsupported(
@@ -208,13 +211,32 @@ fn used_vertices(faces: &[[u32; 3]]) -> Vec<u32> {
     used
 }
 
+/// What a morph target adds to an attribute, and how much of it.
+struct Shift<'b> {
+    weight: f64,
+    accessor: Accessor<'b>,
+}
+
+/// An attribute's value with its morph targets added.
+fn morphed<const N: usize>(mut value: [f64; N], shifts: &[Shift], index: usize) -> [f64; N] {
+    for Shift { weight, accessor } in shifts {
+        let shift: [f64; N] = accessor.get(index, 0.0);
+        value.iter_mut().zip(shift).for_each(|(v, s)| *v += s * weight);
+    }
+    value
+}
+
 /// A primitive's attributes.
 struct Reader<'b> {
     positions: Accessor<'b>,
     tex_coords: Option<Accessor<'b>>,
     colors: Option<Accessor<'b>>,
-    /// Weight and displacement of every active morph target.
-    targets: Vec<(f64, Accessor<'b>)>,
+    /// What the active morph targets add to positions.
+    displacements: Vec<Shift<'b>>,
+    /// What they add to the texture coordinates in use.
+    tex_coord_shifts: Vec<Shift<'b>>,
+    /// What they add to colours.
+    color_shifts: Vec<Shift<'b>>,
     influences: Option<Influences<'b>>,
     material: Resolved,
     world: DMat4,
@@ -258,25 +280,62 @@ impl<'b> Reader<'b> {
             Some(&index) => Some(open("COLOR_0".into(), index, &COLOR)?.normalized()),
             None => None,
         };
-        let mut targets = Vec::new();
-        for (k, (target, &weight)) in primitive.targets.iter().zip(placement.weights).enumerate() {
-            if let (Some(&index), true) = (target.get("POSITION"), weight != 0.0) {
-                targets.push((weight, open(format!("morph target {k}, POSITION"), index, &DISPLACEMENT)?));
+        let shifts = |name: &str, base: bool, shape: &Shape| {
+            let mut shifts = Vec::new();
+            for (k, (target, &weight)) in primitive.targets.iter().zip(placement.weights).enumerate() {
+                let Some(&index) = target.get(name).filter(|_| weight != 0.0) else { continue };
+                if base {
+                    let accessor = open(format!("morph target {k}, {name}"), index, shape)?;
+                    shifts.push(Shift { weight, accessor });
+                } else {
+                    let reason =
+                        format!("morph target {k} changes {name}, which it has not; that is left out");
+                    source.note(object, reason);
+                }
             }
-        }
+            Ok::<_, MeshError>(shifts)
+        };
+        let displacements = shifts("POSITION", true, &DISPLACEMENT)?;
+        let tex_coord_shifts = match material.tex_coord {
+            Some(tex_coord) => shifts(&format!("TEXCOORD_{}", tex_coord.set), true, &TEX_COORD_SHIFT)?,
+            None => Vec::new(),
+        };
+        let color_shifts = shifts("COLOR_0", colors.is_some(), &COLOR_SHIFT)?
+            .into_iter()
+            .map(|s| Shift { accessor: s.accessor.normalized(), ..s })
+            .collect();
         let influences = match placement.joints {
             Some(matrices) => Some(Influences::open(buffers, object, primitive, matrices, count)?),
             None => None,
         };
-        Ok(Self { positions, tex_coords, colors, targets, influences, material, world: placement.world })
+        Ok(Self {
+            positions,
+            tex_coords,
+            colors,
+            displacements,
+            tex_coord_shifts,
+            color_shifts,
+            influences,
+            material,
+            world: placement.world,
+        })
+    }
+
+    /// Morph targets' attributes that each vertex takes.
+    fn targets(&self) -> usize {
+        self.displacements.len() + self.tex_coord_shifts.len() + self.color_shifts.len()
+    }
+
+    /// The colour of a vertex, clamped to 0..1 if morphed, as glTF asks.
+    fn color(&self, base: &Accessor, index: usize) -> [f32; 4] {
+        let color = morphed(base.get(index, 1.0), &self.color_shifts, index);
+        let clamped = |c: f64| if c.is_finite() { c.clamp(0.0, 1.0) } else { c };
+        color.map(|c| if self.color_shifts.is_empty() { c } else { clamped(c) } as f32)
     }
 
     /// Vertex `index` in print axes, and whether its transform mirrors; the error is the reason.
     fn vertex(&self, index: usize) -> Result<(Vertex, bool), String> {
-        let mut position = DVec3::from(self.positions.get(index, 0.0));
-        for (weight, target) in &self.targets {
-            position += DVec3::from(target.get(index, 0.0)) * *weight;
-        }
+        let position = DVec3::from(morphed(self.positions.get(index, 0.0), &self.displacements, index));
         let skinned = match &self.influences {
             Some(influences) => influences.transform(index)?,
             None => None,
@@ -287,10 +346,12 @@ impl<'b> Reader<'b> {
             return Err(format!("the position of vertex {index} is NaN or infinite"));
         }
         let uv = match (&self.tex_coords, self.material.tex_coord) {
-            (Some(accessor), Some(map)) => map.apply(accessor.get(index, 0.0)).map(|c| c as f32),
+            (Some(accessor), Some(map)) => {
+                map.apply(morphed(accessor.get(index, 0.0), &self.tex_coord_shifts, index)).map(|c| c as f32)
+            }
             _ => [0.0; 2],
         };
-        let color = self.colors.as_ref().map_or([1.0; 4], |a| a.get(index, 1.0).map(|c| c as f32));
+        let color = self.colors.as_ref().map_or([1.0; 4], |a| self.color(a, index));
         if !uv.iter().chain(&color).all(|c| c.is_finite()) {
             return Err(format!("the texture coordinate or colour of vertex {index} is NaN or infinite"));
         }

@@ -111,6 +111,8 @@ pub(super) struct Image {
 #[serde(rename_all = "camelCase")]
 pub(super) struct Material {
     pub alpha_mode: Option<String>,
+    pub double_sided: Option<bool>,
+    pub emissive_factor: Option<[f64; 3]>,
     #[serde(default)]
     pub extensions: MaterialExtensions,
     pub name: Option<String>,

@@ -18,6 +18,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
         .with_decode_allow_trailing_bits(true),
 );
 
+const RELATIVE: &str = "put the file in the model's folder and refer to it by a relative path";
+
 const PUT_BESIDE: &str = "put the file in the model's folder under that name, or export a .glb";
 
 /// The bytes a URI stands for, at most `budget` of them.
@@ -45,38 +47,60 @@ fn decode_data(source: &Source, object: &str, rest: &str, budget: u64) -> Result
 }
 
 /// The file that a relative URI names, after every symbolic link, inside the model's folder.
+///
+/// Exporters write names as they are: a `%` that starts no escape is itself, a name whose escapes
+/// name nothing is tried as it stands, and a backslash separates folders on every system.
 fn resolve(source: &Source, object: &str, uri: &str) -> Result<PathBuf, MeshError> {
-    let outside = |reason: &str| {
-        source.invalid(
-            object,
-            format!("its URI {} {reason}", quoted(uri)),
-            "put the file in the model's folder and refer to it by a relative path",
-        )
+    let refused = |reason: &str, remedy: &str| {
+        source.invalid(object, format!("its URI {} {reason}", quoted(uri)), remedy)
     };
     let Some(folder) = source.folder else {
-        return Err(outside("names a file, but the model was given without a folder"));
+        return Err(refused("names a file, but the model was given without a folder", RELATIVE));
     };
-    let decoded = percent_decode(uri).and_then(|bytes| String::from_utf8(bytes).ok());
-    let Some(decoded) = decoded.filter(|d| !d.is_empty() && !d.contains('\0')) else {
-        return Err(outside("is not a file name"));
-    };
-    if decoded.split('/').next().is_some_and(|first| first.contains(':')) {
-        return Err(outside("has a scheme or drive"));
-    }
-    // A backslash separates folders on one system and is part of a name on another.
-    let relative = Path::new(&decoded);
-    let inside = relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-    if !inside || decoded.contains('\\') {
-        return Err(outside("leaves the model's folder"));
-    }
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let io = |e| source.io(format!("{object}, URI {}", quoted(uri)), e, PUT_BESIDE);
     let root = folder.canonicalize().map_err(io)?;
-    let path = root.join(relative).canonicalize().map_err(io)?;
-    if !path.starts_with(&root) {
-        return Err(outside("leaves the model's folder through a link"));
+    let names = file_names(uri);
+    if names.is_empty() {
+        return Err(refused("is not a file name", RELATIVE));
     }
-    Ok(path)
+    let mut missing = None;
+    for name in &names {
+        check_name(name).map_err(|reason| refused(reason, RELATIVE))?;
+        match root.join(name).canonicalize() {
+            Ok(path) if path.starts_with(&root) => return Ok(path),
+            Ok(_) => return Err(refused("leaves the model's folder through a link", RELATIVE)),
+            Err(e) => missing = missing.or(Some(e)),
+        }
+    }
+    if percent_decode(uri).is_none_or(|bytes| String::from_utf8(bytes).is_err()) {
+        let reason = "has a % that is no escape, and no file of that very name is in the model's folder";
+        return Err(refused(
+            reason,
+            "write a % of a file's name as %25, and put the file in the model's folder",
+        ));
+    }
+    Err(io(missing.unwrap_or_else(|| std::io::ErrorKind::NotFound.into())))
+}
+
+/// The file names a URI may stand for, likeliest first: unescaped, then as it is written.
+fn file_names(uri: &str) -> Vec<String> {
+    let unescaped = String::from_utf8(percent_decode_lenient(uri)).ok();
+    let mut names: Vec<String> = unescaped.into_iter().chain([uri.to_owned()]).collect();
+    names.dedup();
+    names.retain(|name| !name.is_empty() && !name.contains('\0'));
+    names.iter_mut().for_each(|name| *name = name.replace('\\', "/"));
+    // An escaped NUL is no name in either form.
+    if uri.contains("%00") { Vec::new() } else { names }
+}
+
+/// Whether a name stays below the folder it starts from; the error is the reason.
+fn check_name(name: &str) -> Result<(), &'static str> {
+    if name.split('/').next().is_some_and(|first| first.contains(':')) {
+        return Err("has a scheme or drive");
+    }
+    let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    if inside { Ok(()) } else { Err("leaves the model's folder") }
 }
 
 /// A regular file's bytes, refused before reading if there are more than `budget`.
@@ -113,24 +137,44 @@ fn too_large(source: &Source, object: &str, size: u64, budget: u64) -> MeshError
     )
 }
 
+/// The bytes that percent escapes stand for; `None` where a `%` starts none.
 fn percent_decode(text: &str) -> Option<Vec<u8>> {
+    let mut whole = true;
+    let bytes = unescape(text, || whole = false);
+    whole.then_some(bytes)
+}
+
+/// The same with a `%` that starts no escape kept as it is.
+fn percent_decode_lenient(text: &str) -> Vec<u8> {
+    unescape(text, || ())
+}
+
+fn unescape(text: &str, mut stray: impl FnMut()) -> Vec<u8> {
     let mut out = Vec::with_capacity(text.len());
-    let mut bytes = text.bytes();
-    while let Some(byte) = bytes.next() {
-        if byte != b'%' {
-            out.push(byte);
+    let mut rest = text.as_bytes();
+    while let [byte, tail @ ..] = rest {
+        let digit = |b: &u8| char::from(*b).to_digit(16);
+        let escape = match (byte, tail) {
+            (b'%', [high, low, ..]) => digit(high).zip(digit(low)),
+            _ => None,
+        };
+        if let Some((high, low)) = escape {
+            out.push((high * 16 + low) as u8);
+            rest = &tail[2..];
             continue;
         }
-        let digit = |b: Option<u8>| char::from(b?).to_digit(16);
-        let (high, low) = (digit(bytes.next())?, digit(bytes.next())?);
-        out.push((high * 16 + low) as u8);
+        if *byte == b'%' {
+            stray();
+        }
+        out.push(*byte);
+        rest = tail;
     }
-    Some(out)
+    out
 }
 
 #[cfg(test)]
 mod tests {
-    use super::percent_decode;
+    use super::{percent_decode, percent_decode_lenient};
 
     #[test]
     fn percent_escapes_decode_or_fail() {
@@ -138,5 +182,22 @@ mod tests {
         assert_eq!(percent_decode("50%"), None);
         assert_eq!(percent_decode("%g0"), None);
         assert_eq!(percent_decode("%é"), None);
+    }
+
+    #[test]
+    fn a_percent_sign_that_starts_no_escape_is_itself() {
+        for (text, expected) in [
+            ("50%", "50%"),
+            ("%", "%"),
+            ("%4", "%4"),
+            ("%g0", "%g0"),
+            ("%0g", "%0g"),
+            ("%é", "%é"),
+            ("%%20", "% "),
+            ("10%.b%69n", "10%.bin"),
+            ("a%25b", "a%b"),
+        ] {
+            assert_eq!(percent_decode_lenient(text), expected.as_bytes(), "{text}");
+        }
     }
 }

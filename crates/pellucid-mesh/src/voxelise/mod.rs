@@ -7,9 +7,10 @@
 //!    solid where that is at least one half in size.
 //! 4. Parts thinner than a voxel are kept one voxel thick.
 
+#[cfg(test)]
+mod body_tests;
 mod cap_field;
 mod fill;
-mod placement;
 mod scan;
 #[cfg(test)]
 mod tests;
@@ -17,12 +18,10 @@ mod thin;
 
 use pellucid_voxel::{AIR, Control, LabelGrid, Pitch};
 
-pub use placement::{MAX_VOXELS, Placement, Scale};
+pub use crate::placement::{MAX_VOXELS, Placement, Scale};
 
-use crate::geometry::{Vec3, length};
-use crate::repair::MeshReport;
-use crate::topology::Topology;
-use crate::{MeshError, Model};
+use crate::geometry::Vec3;
+use crate::{MeshError, MeshReport, Model, PlacedMesh};
 use cap_field::CapField;
 
 /// How a model is voxelised.
@@ -71,7 +70,7 @@ pub struct Voxelised {
 /// let vertices = corners.map(|position_m| Vertex { position_m, uv: [0.0; 2], color: [1.0; 4] });
 /// let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 /// let triangles = faces.map(|vertices| Triangle { vertices, material: 0 });
-/// let white = BaseColor { name: String::new(), factor: [1.0; 4], texture: None };
+/// let white = BaseColor { name: String::new(), factor: [1.0; 4], texture: None, double_sided: false };
 /// let model = Model::new("tetrahedron", vertices.to_vec(), triangles.to_vec(), vec![white], vec![])?;
 ///
 /// let options = VoxeliseOptions { scale: Scale::HeightMm(6.0), ..Default::default() };
@@ -86,6 +85,13 @@ pub struct Voxelised {
 /// [`MeshError::Invalid`] for a bad height, label or margin or a model without extent,
 /// [`MeshError::Unsupported`] past [`MAX_VOXELS`], [`MeshError::Cancelled`].
 pub fn voxelise(model: &Model, options: &VoxeliseOptions, control: &Control) -> Result<Voxelised, MeshError> {
+    check(model, options)?;
+    let placement = Placement::new(model, options.scale)?;
+    placement.frame(model, options.pitch, options.margin)?;
+    PlacedMesh::at(model, placement).voxelise(options, control)
+}
+
+fn check(model: &Model, options: &VoxeliseOptions) -> Result<(), MeshError> {
     if options.label == AIR || options.margin == 0 {
         return Err(MeshError::invalid(
             model.name(),
@@ -94,42 +100,44 @@ pub fn voxelise(model: &Model, options: &VoxeliseOptions, control: &Control) -> 
             "both must be at least 1",
         ));
     }
-    let placement = Placement::new(model, options.scale)?;
-    let frame = placement.frame(model, options.pitch, options.margin)?;
-    let topology = topology(model, &placement);
-    control.check()?;
-
-    let mm = options.pitch.mm();
-    let shift = f64::from(options.margin) - 0.5;
-    let to_voxels = |c: [Vec3; 3]| c.map(|p| std::array::from_fn(|a| p[a] / mm[a] + shift));
-    let mut corners: Vec<[Vec3; 3]> =
-        (0..topology.triangles.len() as u32).map(|t| to_voxels(topology.corners(t))).collect();
-    let mesh_triangles = corners.len();
-    let caps = topology.caps();
-    corners.extend(caps.iter().map(|c| to_voxels(*c)));
-
-    let stage = |from: u64, to: u64| {
-        move |done: u64, total: u64| control.report(from + (to - from) * done / total.max(1), 100)
-    };
-    let (scanning, filling, thinning) = (stage(0, 20), stage(20, 80), stage(80, 100));
-    let rows = fill::Rows::scan(&corners, &frame, &control.silent().with_progress(&scanning))?;
-    let field = CapField::build(caps);
-    let mut grid =
-        fill::fill(frame, &rows, &field, options.label, &control.silent().with_progress(&filling))?;
-    drop(rows);
-    corners.truncate(mesh_triangles);
-    let thin =
-        thin::keep_thin(&mut grid, &corners, options.label, &control.silent().with_progress(&thinning))?;
-    let report = MeshReport::new(&topology, &placement, model.triangles().len() as u64, thin);
-    Ok(Voxelised { grid, placement, report })
+    Ok(())
 }
 
-/// The welded, oriented and capped mesh in print millimetres.
-pub(crate) fn topology(model: &Model, placement: &Placement) -> Topology {
-    let positions: Vec<Vec3> = model.vertices().iter().map(|v| placement.to_mm(v.position_m)).collect();
-    let triangles: Vec<[u32; 3]> = model.triangles().iter().map(|t| t.vertices).collect();
-    Topology::build(&positions, &triangles, WELD * length(placement.extent_mm()))
-}
+impl PlacedMesh<'_> {
+    /// Voxelises the model as [`voxelise`] does, at the size it was placed at: the options' scale
+    /// is not looked at.
+    ///
+    /// # Errors
+    /// As [`voxelise`], but for the height.
+    pub fn voxelise(&self, options: &VoxeliseOptions, control: &Control) -> Result<Voxelised, MeshError> {
+        let (model, placement, topology) = (self.model(), *self.placement(), self.topology());
+        check(model, options)?;
+        let frame = placement.frame(model, options.pitch, options.margin)?;
+        control.check()?;
 
-/// Open edges closer than this share of the model's diagonal are joined.
-const WELD: f64 = 1e-6;
+        let mm = options.pitch.mm();
+        let shift = f64::from(options.margin) - 0.5;
+        let to_voxels = |c: [Vec3; 3]| c.map(|p| std::array::from_fn(|a| p[a] / mm[a] + shift));
+        let caps = topology.caps();
+        let walls = topology.wall_triangles().map(|t| topology.corners(t));
+        let closed: Vec<[Vec3; 3]> = walls.chain(caps.iter().copied()).map(to_voxels).collect();
+
+        let stage = |from: u64, to: u64| {
+            move |done: u64, total: u64| control.report(from + (to - from) * done / total.max(1), 100)
+        };
+        let (scanning, filling, thinning) = (stage(0, 20), stage(20, 80), stage(80, 100));
+        let rows = fill::Rows::scan(&closed, &frame, &control.silent().with_progress(&scanning))?;
+        drop(closed);
+        let field = CapField::build(caps);
+        let mut grid =
+            fill::fill(frame, &rows, &field, options.label, &control.silent().with_progress(&filling))?;
+        drop(rows);
+        let corners: Vec<[Vec3; 3]> =
+            topology.wall_triangles().map(|t| to_voxels(topology.corners(t))).collect();
+        let thin =
+            thin::keep_thin(&mut grid, &corners, options.label, &control.silent().with_progress(&thinning))?;
+        let triangles = model.triangles().len() as u64;
+        let report = MeshReport::new(topology, placement.extent_mm(), triangles, thin);
+        Ok(Voxelised { grid, placement, report })
+    }
+}

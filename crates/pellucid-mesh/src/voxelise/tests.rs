@@ -4,34 +4,34 @@ use crate::shapes::Shape;
 use crate::winding::triangle_winding;
 use proptest::prelude::*;
 
-const J750: [f64; 3] = [25.4 / 600.0, 25.4 / 300.0, 25.4 / 940.0];
+pub(super) const J750: [f64; 3] = [25.4 / 600.0, 25.4 / 300.0, 25.4 / 940.0];
 
-fn run(shape: &Shape, pitch: [f64; 3]) -> Voxelised {
+pub(super) fn run(shape: &Shape, pitch: [f64; 3]) -> Voxelised {
     let options = VoxeliseOptions { pitch: Pitch::new(pitch).unwrap(), ..Default::default() };
     voxelise(&shape.model(), &options, &Control::none()).unwrap()
 }
 
-fn solid(v: &Voxelised) -> u64 {
+pub(super) fn solid(v: &Voxelised) -> u64 {
     v.grid.histogram()[5]
 }
 
-fn volume(v: &Voxelised) -> f64 {
+pub(super) fn volume(v: &Voxelised) -> f64 {
     solid(v) as f64 * v.grid.frame().pitch().volume_mm3()
 }
 
 /// Voxels whose labels differ; the grids lie in equal frames.
-fn difference(a: &LabelGrid, b: &LabelGrid) -> u64 {
+pub(super) fn difference(a: &LabelGrid, b: &LabelGrid) -> u64 {
     assert_eq!(a.frame(), b.frame());
     voxels(a).filter(|&v| a.get(v) != b.get(v)).count() as u64
 }
 
-fn voxels(grid: &LabelGrid) -> impl Iterator<Item = [u32; 3]> + use<> {
+pub(super) fn voxels(grid: &LabelGrid) -> impl Iterator<Item = [u32; 3]> + use<> {
     let [sx, sy, sz] = grid.size();
     (0..sz).flat_map(move |z| (0..sy).flat_map(move |y| (0..sx).map(move |x| [x, y, z])))
 }
 
 /// The point of a shape's space that voxelisation puts at 0.
-fn lowest(shape: &Shape) -> Vec3 {
+pub(super) fn lowest(shape: &Shape) -> Vec3 {
     Bounds::of(shape.corners().into_iter().flatten()).min
 }
 

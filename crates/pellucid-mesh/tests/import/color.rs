@@ -218,3 +218,78 @@ fn harmless_extensions_are_accepted_even_when_required() {
     nearest(&mut glb);
     assert_eq!(at(&glb.model(), 0.25, 0.25), BLUE);
 }
+
+#[test]
+fn morph_targets_change_vertex_colours_by_their_default_weights() {
+    let mut glb = square();
+    let red = glb.floats(&[[1.0, 0.0, 0.25, 1.0]; 4]);
+    let to_green = glb.floats(&[[-1.0, 1.0, 0.0, 0.0]; 4]);
+    let brighter = glb.floats(&[[0.5, 0.5, 0.5]; 4]);
+    let signed = glb.accessor(&[0x81, 0, 127, 0].repeat(4), I8, "VEC4", 4);
+    let lift = glb.floats(&[[0.0, 0.0, 1.0]; 4]);
+    glb.at("/meshes/0/primitives/0/attributes")["COLOR_0"] = red.into();
+    glb.at("/meshes/0/primitives/0")["targets"] = json!([
+        {"COLOR_0": to_green, "POSITION": lift}, {"COLOR_0": brighter}, {"COLOR_0": signed}
+    ]);
+    let with = |mesh: serde_json::Value, node: Option<serde_json::Value>| {
+        let mut glb = glb.clone();
+        glb.at("/meshes/0")["weights"] = mesh;
+        if let Some(weights) = node {
+            glb.at("/nodes/0")["weights"] = weights;
+        }
+        let model = glb.model();
+        assert!(model.notes().is_empty(), "{:?}", model.notes());
+        model.color_at(0, [0.2, 0.3, 0.5], 0.0)
+    };
+    let close = |found: [f32; 3], expected: [f32; 3]| {
+        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-6), "{found:?} is not {expected:?}");
+    };
+    close(with(json!([0, 0, 0]), None), [1.0, 0.0, 0.25]);
+    close(with(json!([1]), None), [0.0, 1.0, 0.25]);
+    close(with(json!([0.25, 0.5]), None), [1.0, 0.5, 0.5]);
+    close(with(json!([0, 0, 0.5]), None), [0.5, 0.0, 0.75]);
+    // The node's weights stand for the mesh's, and colours end at 0 and 1.
+    close(with(json!([0, 0]), Some(json!([1, 1]))), [0.5, 1.0, 0.75]);
+    close(with(json!([3, 0]), None), [0.0, 1.0, 0.25]);
+}
+
+#[test]
+fn morph_targets_shift_texture_coordinates() {
+    let mut glb = textured_square(&four_colors());
+    nearest(&mut glb);
+    let shift = glb.floats(&[[0.5, 0.0]; 4]);
+    glb.at("/meshes/0/primitives/0")["targets"] = json!([{"TEXCOORD_0": shift}]);
+    glb.at("/meshes/0")["weights"] = json!([1]);
+    assert_eq!(at(&glb.model(), 0.25, 0.75), GREEN);
+}
+
+#[test]
+fn a_morph_target_for_colours_that_are_not_there_is_noted() {
+    let mut glb = square();
+    let delta = glb.floats(&[[-1.0, 0.0, 0.0, 0.0]; 4]);
+    glb.at("/meshes/0/primitives/0")["targets"] = json!([{"COLOR_0": delta}]);
+    glb.at("/meshes/0")["weights"] = json!([1]);
+    let model = glb.model();
+    assert_eq!(at(&model, 0.5, 0.5), WHITE);
+    assert!(model.notes().iter().any(|n| n.text.contains("COLOR_0")), "{:?}", model.notes());
+}
+
+#[test]
+fn emission_that_is_left_out_is_noted() {
+    for (material, noted) in [
+        (json!({"emissiveFactor": [0, 0.5, 0]}), true),
+        (json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}}), true),
+        // The default factor is black.
+        (json!({"emissiveTexture": {"index": 0}}), false),
+        (json!({"emissiveFactor": [0, 0, 0]}), false),
+        (json!({}), false),
+    ] {
+        let mut glb = textured_square(&four_colors());
+        let material = glb.push("materials", material);
+        glb.at("/meshes/0/primitives/0")["material"] = material.into();
+        let model = glb.model();
+        let note = model.notes().iter().find(|n| n.text.contains("emission"));
+        assert_eq!(note.is_some(), noted, "{:?}", model.notes());
+        assert!(note.is_none_or(|n| n.object == "material 1"));
+    }
+}

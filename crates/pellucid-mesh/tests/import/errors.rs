@@ -34,6 +34,11 @@ fn refused(result: Result<pellucid_mesh::Model, MeshError>, kind: Kind, object: 
     assert!(text.contains(reason), "{text}: does not say {reason}");
     assert!(!file.is_empty() && text.contains(file.as_str()) && text.contains(remedy.as_str()));
     assert!(remedy.len() > 10, "{text}: no remedy");
+    // The cause is in the chain, once.
+    if let Some(cause) = std::error::Error::source(&error) {
+        assert!(!text.contains(&cause.to_string()), "{text} repeats its cause");
+    }
+    assert_eq!(kind == Io, std::error::Error::source(&error).is_some());
 }
 
 fn with_limits(glb: &Glb, change: impl Fn(&mut ImportLimits)) -> Result<pellucid_mesh::Model, MeshError> {
@@ -419,6 +424,7 @@ fn files_beside_the_model() {
         refused(write("figure.bin", uri), Invalid, "image 0", "URI");
         refused(write(uri, skin), Invalid, "buffer 0", "URI");
     }
+    refused(write("figure.bin", "%zz.png"), Invalid, "image 0", "a % that is no escape");
     refused(write("textures", skin), Invalid, "buffer 0", "not a regular file");
     refused(write("data:;base64,%%%", skin), Invalid, "buffer 0", "base64");
     refused(write("data:nothing", skin), Invalid, "buffer 0", "comma");
@@ -436,6 +442,47 @@ fn files_beside_the_model() {
     refused(large, Unsupported, "buffer 0", "allowed for the model's files");
     refused(import_path(model.join("none.glb"), &small), Io, "file", "cannot be read");
     refused(import_path(&model, &small), Invalid, "file", "not a regular file");
+}
+
+#[test]
+fn names_that_an_exporter_did_not_escape_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir_all(folder.path().join("tex%/deep")).unwrap();
+    let glb = square();
+    let read = |uri: &str| {
+        let mut json = glb.json.clone();
+        json["buffers"] = json!([{"byteLength": glb.bin.len(), "uri": uri}]);
+        let limits = ImportLimits::default();
+        import_slice("f.gltf", json.to_string().as_bytes(), Some(folder.path()), &limits)
+    };
+    // The name in the folder and the URIs that mean it.
+    let cases: [(&str, &[&str]); 8] = [
+        ("example 10%.bin", &["example 10%.bin", "example%2010%25.bin", "example 10%25.bin"]),
+        ("50%", &["50%", "50%25"]),
+        ("%zz.bin", &["%zz.bin", "%25zz.bin"]),
+        ("%4", &["%4"]),
+        ("100%é.bin", &["100%é.bin", "100%%C3%A9.bin"]),
+        // Escaped as it stands on the disk, by accident or not.
+        ("a%20b.bin", &["a%20b.bin", "a%2520b.bin"]),
+        ("%ff.bin", &["%ff.bin"]),
+        ("tex%/deep/a.bin", &["tex%\\deep\\a.bin", ".\\tex%/deep\\a.bin", "tex%25%5Cdeep%5ca.bin"]),
+    ];
+    for (name, uris) in cases {
+        let path = folder.path().join(name);
+        fs::write(&path, &glb.bin).unwrap();
+        for uri in uris {
+            read(uri).unwrap_or_else(|e| panic!("{uri:?} for {name:?}: {e}"));
+        }
+        fs::remove_file(path).unwrap();
+    }
+    fs::write(folder.path().join("a b.bin"), &glb.bin).unwrap();
+    fs::write(folder.path().join("a%20b.bin"), [0; 1]).unwrap();
+    read("a%20b.bin").expect("an escape comes before the name as it is written");
+    for outside in
+        ["..\\f.bin", "tex%\\..\\..\\f.bin", "\\\\host\\f.bin", "C:\\f.bin", "%2e%2e%5cf.bin", "a%00%.bin"]
+    {
+        refused(read(outside), Invalid, "buffer 0", "URI");
+    }
 }
 
 #[cfg(unix)]

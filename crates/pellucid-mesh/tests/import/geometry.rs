@@ -308,3 +308,62 @@ fn positions_agree_with_the_gltf_crate() {
         assert_corners(&glb.model(), &expected);
     }
 }
+
+/// Objects of the notes whose text holds `words`.
+fn noted(model: &Model, words: &str) -> Vec<String> {
+    model.notes().iter().filter(|n| n.text.contains(words)).map(|n| n.object.clone()).collect()
+}
+
+#[test]
+fn what_a_scale_collapses_is_left_out_with_a_note() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    for node in [
+        json!({"scale": [0, 0, 0], "translation": [0, 4, 0]}),
+        json!({"scale": [0, 0, 1], "rotation": [0.5, 0.5, 0.5, 0.5], "translation": [0, 4, 0]}),
+        json!({"scale": [3, 0, 0], "rotation": [half, 0, half, 0], "translation": [-4, 0, 0]}),
+        json!({"matrix": [1, 2, 3, 0, 2, 4, 6, 0, 0, 0, 0, 0, 9, 9, 9, 1]}),
+    ] {
+        let mut glb = square();
+        let mut hidden = node.clone();
+        hidden["mesh"] = json!(0);
+        hidden["name"] = json!("hidden");
+        let hidden = glb.push("nodes", hidden);
+        glb.at("/scenes/0")["nodes"] = json!([hidden, 0]);
+        let model = glb.model();
+        assert_eq!(model.bounds_m(), square().model().bounds_m(), "{node}");
+        assert_eq!(noted(&model, "left out"), ["node 1 \"hidden\""], "{node}");
+        // The same from a parent.
+        let mut glb = square();
+        let child = glb.push("nodes", json!({"mesh": 0, "translation": [1, 2, 3]}));
+        let mut parent = node.clone();
+        parent["children"] = json!([child]);
+        let parent = glb.push("nodes", parent);
+        glb.at("/scenes/0")["nodes"] = json!([0, parent]);
+        assert_eq!(glb.model().bounds_m(), square().model().bounds_m(), "{node}");
+    }
+    // A mirror image and a flat one stay.
+    for scale in [[-1.0, 1.0, 1.0], [2.0, 1.0, 0.0]] {
+        let mut glb = square();
+        glb.at("/nodes/0")["scale"] = json!(scale);
+        assert_eq!(glb.model().triangles().len(), 2);
+    }
+}
+
+#[test]
+fn triangles_without_area_do_not_count_for_the_size() {
+    let corners = [[0.0, -9.0, 0.0], [5.0, -9.0, 0.0], [9.0, -9.0, 0.0]];
+    for (stray, indices) in [
+        ([corners[0]; 3], [0, 1, 2]),
+        ([corners[0], corners[0], corners[1]], [0, 1, 2]),
+        (corners, [0, 1, 2]),
+        (corners, [0, 2, 2]),
+    ] {
+        let mut glb = square();
+        let (position, indices) = (glb.floats(&stray), glb.indices(&indices));
+        let primitive = json!({"attributes": {"POSITION": position}, "indices": indices});
+        glb.at("/meshes/0/primitives").as_array_mut().unwrap().insert(0, primitive);
+        let model = glb.model();
+        assert_eq!(model.bounds_m(), square().model().bounds_m(), "{stray:?}");
+        assert_eq!(noted(&model, "without area").len(), 1, "{:?}", model.notes());
+    }
+}

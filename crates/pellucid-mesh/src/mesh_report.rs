@@ -1,7 +1,7 @@
 //! What is wrong with a mesh, and what voxelisation put right.
 
+use crate::shell::Shell;
 use crate::topology::Topology;
-use crate::voxelise::Placement;
 
 /// Findings about a model's mesh at its print size, after vertices that meet in position were
 /// joined.
@@ -27,7 +27,7 @@ pub struct MeshReport {
     pub inconsistent_edges: u64,
     /// Triangles whose orientation was reversed, alone or with their shell.
     pub reversed_triangles: u64,
-    /// Parts joined by edges of two triangles each.
+    /// Parts that bound solid, bodies and cavities; bodies that share a wall are one each.
     pub shells: u64,
     /// Shells that faced inwards and were not cavities; they were turned round.
     pub flipped_shells: u64,
@@ -35,7 +35,8 @@ pub struct MeshReport {
     pub cavities: u64,
     /// Triangles without area.
     pub degenerate_triangles: u64,
-    /// Triangles left out because another has the same corners.
+    /// Triangles left out because the same surface is there already, facing the same way or, as a
+    /// back for viewers that show one side only, the other way.
     pub duplicate_triangles: u64,
     /// Extent `[x, y, z]` in millimetres.
     pub extent_mm: [f64; 3],
@@ -46,8 +47,10 @@ pub struct MeshReport {
 }
 
 impl MeshReport {
-    pub(crate) fn new(topology: &Topology, placement: &Placement, triangles: u64, thin_voxels: u64) -> Self {
-        let facing = |s: &crate::topology::Shell| if s.flipped { -s.volume } else { s.volume };
+    pub(crate) fn new(topology: &Topology, extent_mm: [f64; 3], triangles: u64, thin_voxels: u64) -> Self {
+        let facing = |s: &Shell| if s.flipped { -s.volume } else { s.volume };
+        let copies = topology.shells.iter().filter(|s| s.is_back());
+        let copied: usize = copies.map(|s| s.triangles.len()).sum();
         let mut used: Vec<u32> = topology.triangles.iter().flatten().copied().collect();
         used.sort_unstable();
         used.dedup();
@@ -55,19 +58,19 @@ impl MeshReport {
             vertices: used.len() as u64,
             triangles,
             edges: topology.edges,
-            closed: topology.shells.iter().all(|s| s.caps.is_empty()),
+            closed: topology.walls().all(|s| s.caps.is_empty()),
             boundary_edges: topology.boundary_edges,
-            holes: topology.shells.iter().map(|s| s.holes).sum(),
+            holes: topology.walls().map(|s| s.holes).sum(),
             non_manifold_edges: topology.non_manifold_edges,
             inconsistent_edges: topology.inconsistent_edges,
             reversed_triangles: topology.reversed.iter().filter(|r| **r).count() as u64,
-            shells: topology.shells.len() as u64,
-            flipped_shells: topology.shells.iter().filter(|s| s.flipped).count() as u64,
-            cavities: topology.shells.iter().filter(|s| facing(s) < 0.0).count() as u64,
+            shells: topology.walls().count() as u64,
+            flipped_shells: topology.walls().filter(|s| s.flipped).count() as u64,
+            cavities: topology.walls().filter(|s| facing(s) < 0.0).count() as u64,
             degenerate_triangles: topology.degenerate,
-            duplicate_triangles: topology.duplicate,
-            extent_mm: placement.extent_mm(),
-            volume_mm3: topology.shells.iter().map(facing).sum(),
+            duplicate_triangles: topology.duplicate + copied as u64,
+            extent_mm,
+            volume_mm3: topology.walls().map(facing).sum(),
             thin_voxels,
         }
     }
