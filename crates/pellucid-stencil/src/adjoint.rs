@@ -37,7 +37,7 @@ impl Region {
 ///
 /// # Errors
 /// [`StencilError::Invalid`] when a buffer has another length than points, coefficients and region
-/// ask for, or the region is empty; [`StencilError::Voxel`] when cancelled.
+/// ask for, or the region is empty; [`StencilError::Cancelled`].
 pub fn scatter(
     spec: &StencilSpec,
     coefficients: &Coefficients,

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use pellucid_core::InstructionSet;
 use pellucid_voxel::MaterialTable;
 use pellucid_voxel::sat::tables::LANES;
 
@@ -128,6 +129,7 @@ impl Coefficients {
         let (cells, m) = (spec.cells_per_level(), self.materials);
         assert_eq!(counts.len(), spec.levels() * cells * m, "counts of one point");
         assert_eq!(out.len(), self.values_per_point(spec), "descriptor of one point");
+        let kernel = Kernel::of(InstructionSet::chosen());
         let mut sums = vec![Sums::default(); m.div_ceil(LANES) * cells];
         for (level, counts) in counts.chunks_exact(cells * m).enumerate() {
             for (cell, counts) in counts.chunks_exact(m).enumerate() {
@@ -136,7 +138,7 @@ impl Coefficients {
                 }
             }
             let cells = level * cells..(level + 1) * cells;
-            self.convert_cells(Kernel::detect(), spec, cells, &sums, out);
+            self.convert_cells(kernel, spec, cells, &sums, out);
         }
     }
 

@@ -3,14 +3,14 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
+use pellucid_core::InstructionSet;
 use pellucid_voxel::sat::tables::LANES;
 use pellucid_voxel::{Control, CountSat, LabelGrid, TILE};
 use rayon::prelude::*;
 
 use crate::changed::ChangedTiles;
 use crate::kernel::{Kernel, Sums};
-use crate::levels::Workspace;
-use crate::window;
+use crate::levels::{Levels, Workspace};
 use crate::{Coefficients, StencilError, StencilSpec};
 
 /// Points of one task, worked on level by level.
@@ -38,14 +38,7 @@ const BATCH: usize = 1024;
 /// assert_eq!(out[67 * 2], table.get(5).unwrap().sigma_s[0]);
 /// ```
 pub struct Stencils<'a> {
-    pub(crate) spec: StencilSpec,
-    pub(crate) grid: &'a LabelGrid,
-    pub(crate) sat: &'a CountSat,
-    /// The box that holds every solid voxel.
-    pub(crate) bounds: Option<([u32; 3], [u32; 3])>,
-    pub(crate) kernel: Kernel,
-    /// Levels that a window can hold.
-    pub(crate) fine_levels: usize,
+    levels: Levels<'a>,
 }
 
 impl<'a> Stencils<'a> {
@@ -60,13 +53,28 @@ impl<'a> Stencils<'a> {
                 format!("{:?} voxels for a grid of {:?}; build it from this grid", sat.size(), grid.size()),
             ));
         }
-        let fine_levels = (0..spec.levels()).filter(|&l| spec.full_count(l) <= window::MAX_COUNT).count();
-        Ok(Self { fine_levels, spec, grid, sat, bounds: sat.bounds(), kernel: Kernel::detect() })
+        let kernel = Kernel::of(InstructionSet::chosen());
+        Ok(Self { levels: Levels::new(spec, grid, sat, kernel) })
+    }
+
+    /// The same on another instruction set than [`InstructionSet::chosen`]. All give the same bits.
+    ///
+    /// # Errors
+    /// [`StencilError::Unsupported`] where the processor lacks it.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, StencilError> {
+        self.levels.kernel = Kernel::of(set.require().map_err(StencilError::Unsupported)?);
+        Ok(self)
+    }
+
+    /// The instruction set in use: the best one that the kernels have a form for and that is not above the one asked
+    /// for.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.levels.kernel.instruction_set()
     }
 
     /// The geometry.
     pub fn spec(&self) -> &StencilSpec {
-        &self.spec
+        &self.levels.spec
     }
 
     /// Writes the descriptors of `points`, voxel coordinates `[x, y, z]` within the grid, to
@@ -79,7 +87,7 @@ impl<'a> Stencils<'a> {
     /// # Errors
     /// [`StencilError::Invalid`] when a point lies outside the grid, `out` has another length than
     /// points times [`Coefficients::values_per_point`], or the table counts other materials;
-    /// [`StencilError::Voxel`] when cancelled.
+    /// [`StencilError::Cancelled`].
     pub fn extract(
         &self,
         coefficients: &Coefficients,
@@ -88,7 +96,7 @@ impl<'a> Stencils<'a> {
         control: &Control,
     ) -> Result<(), StencilError> {
         self.check_materials(coefficients)?;
-        let row = coefficients.values_per_point(&self.spec);
+        let row = coefficients.values_per_point(&self.levels.spec);
         self.run(
             points,
             out,
@@ -96,7 +104,7 @@ impl<'a> Stencils<'a> {
             control,
             |_| 0,
             |cells, counts, out| {
-                coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
+                coefficients.convert_cells(self.levels.kernel, &self.levels.spec, cells, counts, out);
             },
         )
     }
@@ -116,18 +124,18 @@ impl<'a> Stencils<'a> {
         control: &Control,
     ) -> Result<(), StencilError> {
         self.check_materials(coefficients)?;
-        if changed.grid_size() != self.grid.size() {
+        if changed.grid_size() != self.levels.grid.size() {
             return Err(StencilError::invalid("changed tiles", "they belong to a grid of another size"));
         }
-        let row = coefficients.values_per_point(&self.spec);
-        let first = |point| changed.first_level(&self.spec, point);
+        let row = coefficients.values_per_point(&self.levels.spec);
+        let first = |point| changed.first_level(&self.levels.spec, point);
         self.run(points, out, row, control, first, |cells, counts, out| {
-            coefficients.convert_cells(self.kernel, &self.spec, cells, counts, out);
+            coefficients.convert_cells(self.levels.kernel, &self.levels.spec, cells, counts, out);
         })
     }
 
     fn check_materials(&self, coefficients: &Coefficients) -> Result<(), StencilError> {
-        if coefficients.materials() == self.sat.materials() {
+        if coefficients.materials() == self.levels.sat.materials() {
             return Ok(());
         }
         Err(StencilError::invalid(
@@ -135,7 +143,7 @@ impl<'a> Stencils<'a> {
             format!(
                 "{} materials where {} are counted; build both from one material table",
                 coefficients.materials(),
-                self.sat.materials()
+                self.levels.sat.materials()
             ),
         ))
     }
@@ -153,11 +161,11 @@ impl<'a> Stencils<'a> {
         out: &mut [u32],
         control: &Control,
     ) -> Result<(), StencilError> {
-        let m = self.sat.materials();
+        let m = self.levels.sat.materials();
         self.run(
             points,
             out,
-            self.spec.cells_in_all() * m,
+            self.levels.spec.cells_in_all() * m,
             control,
             |_| 0,
             |cells, counts, out| {
@@ -181,7 +189,7 @@ impl<'a> Stencils<'a> {
         first_level: impl Fn([u32; 3]) -> usize + Sync,
         sink: impl Fn(Range<usize>, &[Sums], &mut [T]) + Sync,
     ) -> Result<(), StencilError> {
-        let size = self.grid.size();
+        let size = self.levels.grid.size();
         if let Some(p) = points.iter().find(|p| (0..3).any(|a| p[a] >= size[a])) {
             return Err(StencilError::invalid("points", format!("{p:?} lies outside the grid {size:?}")));
         }
@@ -198,7 +206,7 @@ impl<'a> Stencils<'a> {
         let total = points.len() as u64;
         // Enough tasks for every thread; the split changes no value.
         let task = points.len().div_ceil(4 * rayon::current_num_threads()).clamp(64, TASK);
-        let batch = (BATCH / self.sat.groups().len()).max(1);
+        let batch = (BATCH / self.levels.sat.groups().len()).max(1);
         rows.par_chunks_mut(task).try_for_each_init(Workspace::default, |work, rows| {
             let tile = |row: &([u32; 3], &mut [T])| row.0.map(|c| c / TILE as u32);
             work.first.clear();
@@ -206,22 +214,22 @@ impl<'a> Stencils<'a> {
             let mut start = 0;
             for rows in rows.chunk_by_mut(|a, b| tile(a) == tile(b)) {
                 control.check()?;
-                work.take_points(rows, start, self.fine_levels);
-                self.fine(work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                work.take_points(rows, start, self.levels.fine);
+                self.levels.fine(work, |row, cells, counts| sink(cells, counts, rows[row].1));
                 start += rows.len();
             }
             // Level by level: neighbouring batches share most of what a level looks up.
-            for level in self.fine_levels..self.spec.levels() {
-                if self.spec.cell_edge(level).is_multiple_of(TILE as u32) {
+            for level in self.levels.fine..self.levels.spec.levels() {
+                if self.levels.spec.cell_edge(level).is_multiple_of(TILE as u32) {
                     control.check()?;
                     work.take_points(rows, 0, level + 1);
-                    self.coarse(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                    self.levels.coarse(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
                     continue;
                 }
                 for (i, rows) in rows.chunks_mut(batch).enumerate() {
                     control.check()?;
                     work.take_points(rows, i * batch, level + 1);
-                    self.level(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
+                    self.levels.level(level, work, |row, cells, counts| sink(cells, counts, rows[row].1));
                 }
             }
             control.advance(&done, rows.len() as u64, total);
@@ -252,6 +260,7 @@ fn near_key(p: [u32; 3]) -> (u64, [u32; 3]) {
 
 /// A position along a space-filling curve (Morton's), so that neighbours come close together.
 fn along_curve(tile: [u32; 3]) -> u64 {
-    let spread = |v: u32| (0..u32::BITS - 11).fold(0u64, |s, bit| s | u64::from(v >> bit & 1) << (3 * bit));
+    // Three times 21 bits fit a word; a grid has fewer tiles an axis.
+    let spread = |v: u32| (0..21).fold(0u64, |s, bit| s | u64::from(v >> bit & 1) << (3 * bit));
     spread(tile[0]) | spread(tile[1]) << 1 | spread(tile[2]) << 2
 }

@@ -11,11 +11,11 @@
 use std::ops::Range;
 
 use pellucid_voxel::sat::tables::LANES;
-use pellucid_voxel::{AIR, TILE, Tile};
+use pellucid_voxel::{AIR, CountSat, LabelGrid, TILE, Tile};
 
-use crate::Stencils;
+use crate::StencilSpec;
 use crate::axis::{Axis, Extent};
-use crate::kernel::{Cells, Pass, Plane, Sums};
+use crate::kernel::{Cells, Kernel, Pass, Plane, Sums, packed};
 use crate::lattice::{Corners, Member};
 use crate::window::Window;
 
@@ -70,10 +70,28 @@ impl Workspace {
     }
 }
 
-impl Stencils<'_> {
+/// Geometry, volume and kernel: all that the counts of a level follow from.
+pub(crate) struct Levels<'a> {
+    pub spec: StencilSpec,
+    pub grid: &'a LabelGrid,
+    pub sat: &'a CountSat,
+    pub kernel: Kernel,
+    /// The box that holds every solid voxel.
+    bounds: Option<([u32; 3], [u32; 3])>,
+    /// Levels that a window can hold.
+    pub fine: usize,
+}
+
+impl<'a> Levels<'a> {
+    /// Of a grid and its table, which have one size.
+    pub fn new(spec: StencilSpec, grid: &'a LabelGrid, sat: &'a CountSat, kernel: Kernel) -> Self {
+        let fine = (0..spec.levels()).filter(|&l| spec.full_count(l) <= packed::MAX_COUNT).count();
+        Self { bounds: sat.bounds(), spec, grid, sat, kernel, fine }
+    }
+
     /// The levels that a window can hold, of points of one tile. `sink` gets the row, a range of
     /// cells over all levels and their counts, ordered `[group][cell]`.
-    pub(crate) fn fine(&self, work: &mut Workspace, mut sink: impl FnMut(usize, Range<usize>, &[Sums])) {
+    pub fn fine(&self, work: &mut Workspace, mut sink: impl FnMut(usize, Range<usize>, &[Sums])) {
         if work.points.is_empty() {
             return;
         }
@@ -83,14 +101,14 @@ impl Stencils<'_> {
         } else {
             self.with_window(levels, work, &mut sink);
         }
-        while levels < self.fine_levels {
+        while levels < self.fine {
             self.level(levels, work, &mut sink);
             levels += 1;
         }
     }
 
-    /// One level above the first; `sink` as in [`Stencils::fine`].
-    pub(crate) fn level(
+    /// One level above the first; `sink` as in [`Levels::fine`].
+    pub fn level(
         &self,
         level: usize,
         work: &mut Workspace,
@@ -105,8 +123,8 @@ impl Stencils<'_> {
         }
     }
 
-    /// A level whose cells are whole tiles long, group by group; `sink` as in [`Stencils::fine`].
-    pub(crate) fn coarse(
+    /// A level whose cells are whole tiles long, group by group; `sink` as in [`Levels::fine`].
+    pub fn coarse(
         &self,
         level: usize,
         work: &mut Workspace,
@@ -262,7 +280,7 @@ impl Stencils<'_> {
             let entries = Window::entries(&self.spec, level, points);
             entries * ENTRY_COST <= points.len() * corners * level * CORNER_COST
         };
-        (1..self.fine_levels).rev().find(|&level| cheaper(level)).unwrap_or(0) + 1
+        (1..self.fine).rev().find(|&level| cheaper(level)).unwrap_or(0) + 1
     }
 
     /// The first levels, from a window around the points.

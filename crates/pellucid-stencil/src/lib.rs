@@ -38,4 +38,5 @@ pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;
 pub use extract::{Stencils, near_order};
 pub use octants::OCTANTS;
+pub use pellucid_core::InstructionSet;
 pub use spec::{LevelScale, StencilSpec};

@@ -1,5 +1,7 @@
 //! What a caller chooses about an estimate.
 
+use pellucid_core::InstructionSet;
+
 use crate::TraceError;
 
 /// How light passes the object's surface.
@@ -60,29 +62,6 @@ impl RefractiveIndex {
     }
 }
 
-/// Instruction set the kernel runs on. All give bit-identical results.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Backend {
-    /// Sixteen-lane AVX-512 (F and DQ).
-    Avx512,
-    /// Pairs of eight-lane AVX2 vectors with FMA.
-    Avx2,
-    /// Plain Rust on arrays of sixteen; slow, runs anywhere.
-    Portable,
-}
-
-impl Backend {
-    /// The backends that this processor runs, fastest first.
-    pub fn available() -> Vec<Self> {
-        [Self::Avx512, Self::Avx2, Self::Portable].into_iter().filter(|b| b.is_available()).collect()
-    }
-
-    /// True when this processor runs the backend.
-    pub fn is_available(self) -> bool {
-        crate::kernel::supports(self)
-    }
-}
-
 /// How radiance is estimated.
 ///
 /// ```
@@ -99,8 +78,8 @@ pub struct TraceOptions {
     pub seed: u64,
     /// The object's surface.
     pub boundary: Boundary,
-    /// Instruction set, or `None` for the fastest available.
-    pub backend: Option<Backend>,
+    /// Instruction set, or `None` for [`InstructionSet::chosen`]. All give the same bits.
+    pub instruction_set: Option<InstructionSet>,
     /// Weight below which a path plays Russian roulette for weight 1, within 0..=1. Any value is
     /// unbiased; it trades variance for time.
     pub roulette: f32,
@@ -114,7 +93,7 @@ impl Default for TraceOptions {
             spp: 64,
             seed: 0,
             boundary: Boundary::default(),
-            backend: None,
+            instruction_set: None,
             roulette: 0.6,
             tracking: Tracking::Auto,
         }
@@ -125,8 +104,8 @@ impl TraceOptions {
     /// Checks ranges.
     ///
     /// # Errors
-    /// [`TraceError::Invalid`] for zero paths, a roulette threshold outside 0..=1, or a backend
-    /// that this processor does not run.
+    /// [`TraceError::Invalid`] for zero paths or a roulette threshold outside 0..=1,
+    /// [`TraceError::Unsupported`] for an instruction set that this processor lacks.
     pub fn check(&self) -> Result<(), TraceError> {
         if self.spp == 0 {
             return Err(TraceError::invalid("spp", "0 paths; ask for at least 1"));
@@ -134,13 +113,8 @@ impl TraceOptions {
         if !(0.0..=1.0).contains(&self.roulette) {
             return Err(TraceError::invalid("roulette", format!("{} must lie within 0 to 1", self.roulette)));
         }
-        if let Some(backend) = self.backend
-            && !backend.is_available()
-        {
-            return Err(TraceError::invalid(
-                "backend",
-                format!("{backend:?} is not available on this processor; use None for the fastest that is"),
-            ));
+        if let Some(set) = self.instruction_set {
+            set.require().map_err(TraceError::Unsupported)?;
         }
         Ok(())
     }

@@ -3,14 +3,15 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
+use pellucid_core::InstructionSet;
 use pellucid_voxel::{Control, MaterialTable};
 use rayon::prelude::*;
 
 use crate::coefficients::{Coefficients, Optics16};
-use crate::kernel::{self, Batch};
+use crate::kernel::{self, Batch, Form};
 use crate::tally::Tally;
 use crate::volume::{Start, Volume};
-use crate::{Backend, TraceError, TraceOptions, rng};
+use crate::{TraceError, TraceOptions, rng};
 
 /// Paths traced by one task between looks at the cancellation flag.
 const PATHS_PER_TASK: usize = 1 << 14;
@@ -18,9 +19,9 @@ const PATHS_PER_TASK: usize = 1 << 14;
 /// Estimates the radiance L(x, n) of surface points by unbiased path tracing.
 ///
 /// A path starts at the surface going inward along -n, scatters by delta tracking and
-/// Henyey-Greenstein, and contributes its throughput on leaving (design, Physics; Sumin et al.
-/// 2019). The same options give the same bytes for any number of threads and on any processor,
-/// whichever other points are asked for.
+/// Henyey-Greenstein, and contributes its throughput on leaving (Sumin et al. 2019). The same
+/// options give the same bytes for any number of threads and on any processor, whichever other
+/// points are asked for.
 ///
 /// ```
 /// use pellucid_trace::{TraceOptions, Tracer, Volume};
@@ -42,14 +43,14 @@ pub struct Tracer<'a> {
     channels: Vec<Coefficients>,
     optics: Vec<Optics16>,
     pub(crate) options: TraceOptions,
-    backend: Backend,
+    form: Form,
 }
 
 impl<'a> Tracer<'a> {
     /// A tracer for a volume of these materials.
     ///
     /// # Errors
-    /// [`TraceError::Invalid`] when options are out of range or a label in use has no material.
+    /// As [`TraceOptions::check`], and [`TraceError::Invalid`] when a label in use has no material.
     pub fn new(
         volume: &'a Volume,
         materials: &MaterialTable,
@@ -62,8 +63,8 @@ impl<'a> Tracer<'a> {
             .collect();
         let optics =
             (0..materials.channels()).map(|c| Optics16::new(materials, volume.palette(), c)).collect();
-        let backend = options.backend.unwrap_or_else(|| Backend::available()[0]);
-        Ok(Self { volume, channels, optics, options, backend })
+        let form = Form::of(options.instruction_set.unwrap_or_else(InstructionSet::chosen));
+        Ok(Self { volume, channels, optics, options, form })
     }
 
     /// Number of channels, the materials'.
@@ -75,9 +76,10 @@ impl<'a> Tracer<'a> {
         &self.optics[channel]
     }
 
-    /// The instruction set in use.
-    pub fn backend(&self) -> Backend {
-        self.backend
+    /// The instruction set in use: the best one that the kernel has a form for and that is not above the one asked
+    /// for.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.form.instruction_set()
     }
 
     /// Radiance of `points`, positions in the surface's list, into `radiance`, ordered
@@ -197,7 +199,7 @@ impl<'a> Tracer<'a> {
                     keys: &keys,
                     samples,
                 };
-                kernel::trace(self.backend, &batch, &mut part);
+                kernel::trace(self.form, &batch, &mut part);
                 progress.control.advance(&progress.done, paths, progress.total);
                 Ok(part)
             })

@@ -4,7 +4,7 @@ use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Surface};
 
 use crate::bricks::{Bricks, MARGIN, SHARED};
 use crate::clearance::Clearance;
-use crate::{TraceError, exit};
+use crate::{TraceError, march};
 
 /// Where the smooth normals of surface voxels are: per brick with surface voxels, which voxels
 /// have one and where the first is.
@@ -115,6 +115,12 @@ impl Volume {
         &self.bricks.palette.labels
     }
 
+    /// Edges of a voxel in mm.
+    #[inline(always)]
+    pub(crate) fn mm(&self) -> [f64; 3] {
+        self.frame.pitch().mm()
+    }
+
     pub(crate) fn bricks(&self) -> &Bricks {
         &self.bricks
     }
@@ -136,13 +142,13 @@ impl Volume {
     pub(crate) fn start(&self, point: u32) -> Start {
         let v = self.voxels[point as usize].map(|c| c + MARGIN);
         let n = self.outward[point as usize];
-        let position = exit::surface_position(self, v, n);
-        Start { position, direction: n.map(|c| -c), byte: self.bricks.byte(exit::voxel(position)) }
+        let position = march::surface_position(&self.bricks, self.mm(), v, n);
+        Start { position, direction: n.map(|c| -c), byte: self.bricks.byte(march::voxel(position)) }
     }
 
     /// Centre of a surface point's voxel in mm from the frame's origin.
     pub(crate) fn point_mm(&self, point: u32) -> [f64; 3] {
-        let mm = self.frame.pitch().mm();
+        let mm = self.mm();
         let v = self.voxels[point as usize];
         std::array::from_fn(|a| (f64::from(v[a]) + 0.5) * mm[a])
     }

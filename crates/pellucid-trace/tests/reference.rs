@@ -1,6 +1,6 @@
 //! Radiances of voxel cubes against an independent renderer and the analytic half-space.
 
-use pellucid_trace::{Backend, Boundary, TraceOptions, Tracer, Volume};
+use pellucid_trace::{Boundary, InstructionSet, TraceError, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{
     Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, Tile,
 };
@@ -71,7 +71,7 @@ fn isotropic_half_space_agrees_with_chandrasekhar() {
 }
 
 #[test]
-fn every_backend_gives_the_same_bytes() {
+fn every_instruction_set_gives_the_same_bytes() {
     let (mut grid, surface) = cube(2.0, 5);
     for i in 0..20_000u32 {
         let s = grid.size();
@@ -79,14 +79,36 @@ fn every_backend_gives_the_same_bytes() {
         grid.set(v, 1 + (i % 5) as u8);
     }
     for boundary in [Boundary::Matched, Boundary::default()] {
-        let results: Vec<_> = Backend::available()
-            .into_iter()
-            .map(|backend| {
-                let options =
-                    TraceOptions { spp: 2000, boundary, backend: Some(backend), ..TraceOptions::default() };
+        let results: Vec<_> = InstructionSet::available()
+            .map(|set| {
+                let options = TraceOptions {
+                    spp: 2000,
+                    boundary,
+                    instruction_set: Some(set),
+                    ..TraceOptions::default()
+                };
                 estimate(&grid, &surface, &MaterialTable::cmykw(), options)
             })
             .collect();
         assert!(results.iter().all(|r| *r == results[0]), "{results:?}");
     }
+}
+
+#[test]
+fn a_set_is_taken_as_asked_and_one_that_is_lacking_is_refused() {
+    let (grid, surface) = cube(1.0, 5);
+    let volume = Volume::new(&grid, &surface, &Control::none()).unwrap();
+    let materials = MaterialTable::cmykw();
+    for set in InstructionSet::ALL {
+        let options = TraceOptions { instruction_set: Some(set), ..TraceOptions::default() };
+        let tracer = Tracer::new(&volume, &materials, options);
+        if set > InstructionSet::detect() {
+            assert!(matches!(tracer, Err(TraceError::Unsupported(_))), "{set}");
+        } else {
+            // The kernel has no form of its own for bf16 products.
+            assert_eq!(tracer.unwrap().instruction_set(), set.min(InstructionSet::Avx512));
+        }
+    }
+    let tracer = Tracer::new(&volume, &materials, TraceOptions::default()).unwrap();
+    assert!(tracer.instruction_set() <= InstructionSet::chosen());
 }

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 use pellucid::trace::{
-    AnalyticScene, Backend, Boundary, Medium, Optics, Shape, TraceOptions, Tracer, Volume,
+    AnalyticScene, Boundary, InstructionSet, Medium, Optics, Shape, TraceOptions, Tracer, Volume,
 };
 use pellucid::voxel::{
     Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, Tile,
@@ -27,15 +27,18 @@ pub(super) fn cube(control: &Control<'_>) -> Result<Vec<(String, f64)>, Box<dyn 
     let table = MaterialTable::new(vec!["B".into()], vec![white])?;
     let mut out = Vec::new();
     let base = TraceOptions { boundary: Boundary::Matched, ..TraceOptions::default() };
-    for backend in Backend::available() {
-        let spp = if backend == Backend::Portable { 4096 } else { 65_536 };
-        let tracer = Tracer::new(&volume, &table, TraceOptions { spp, backend: Some(backend), ..base })?;
+    for set in InstructionSet::available() {
+        let spp = if set == InstructionSet::Portable { 4096 } else { 65_536 };
+        let tracer = Tracer::new(&volume, &table, TraceOptions { spp, instruction_set: Some(set), ..base })?;
+        if tracer.instruction_set() != set {
+            continue;
+        }
         let mut best = 0.0f64;
         for _ in 0..3 {
             let (_, spent) = time(|| tracer.radiance(&[top], 0, &mut [0.0], control))?;
             best = best.max(f64::from(spp) / spent);
         }
-        out.push((format!("voxel grid, {backend:?}"), best));
+        out.push((format!("voxel grid, {set}"), best));
     }
     let shape = Shape::Box { min_mm: [0.0; 3], max_mm: [10.0; 3] };
     let scene = AnalyticScene::new(shape, Medium::Homogeneous(0), vec![optics])?;

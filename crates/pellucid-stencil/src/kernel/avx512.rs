@@ -1,6 +1,6 @@
 //! The AVX-512 form of the kernels: one vector holds the counts of a pair of neighbouring table
 //! entries.
-#![allow(unsafe_code)] // Masked loads through pointers, and calls past the run-time check.
+#![allow(unsafe_code, reason = "masked loads through pointers, and calls past the run-time check")]
 
 use std::arch::x86_64::*;
 

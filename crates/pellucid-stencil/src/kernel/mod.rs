@@ -5,21 +5,22 @@
 //! eighths of a voxel, is the sum of the table over the 2 x 2 x 2 voxel corners around it.
 //!
 //! The AVX-512 form is chosen at run time; the scalar form is its twin under the same tests. All
-//! unsafe code of the crate is in [`avx512`].
+//! unsafe code of the crate is in [`avx512`] and [`wide`].
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod lattice;
+pub(crate) mod packed;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
+use pellucid_core::InstructionSet;
 use pellucid_voxel::sat::tables::CountTables;
 #[cfg(target_arch = "x86_64")]
 use pellucid_voxel::sat::tables::LANES;
 
 use crate::axis::{Axis, Set, each};
-use crate::window;
 
 pub(crate) use lattice::{Cells, Pass};
 
@@ -96,13 +97,25 @@ pub(crate) enum Kernel {
 }
 
 impl Kernel {
-    /// The fastest form that this machine runs.
-    pub fn detect() -> Self {
+    /// The fastest form that is not above `set`.
+    pub fn of(set: InstructionSet) -> Self {
         #[cfg(target_arch = "x86_64")]
-        if let Some(avx512) = avx512::Avx512::detect() {
+        if set >= InstructionSet::Avx512
+            && let Some(avx512) = avx512::Avx512::detect()
+        {
             return Kernel::Avx512(avx512);
         }
+        let _ = set;
         Kernel::Scalar
+    }
+
+    /// What it needs.
+    pub fn instruction_set(self) -> InstructionSet {
+        match self {
+            Kernel::Scalar => InstructionSet::Portable,
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx512(_) => InstructionSet::Avx512,
+        }
     }
 
     /// Fills `sums`, ordered `[point][y corner][x corner]`. Where the plane counts the same as the
@@ -152,7 +165,7 @@ impl Kernel {
         }
     }
 
-    /// [`window::sum_labels`].
+    /// [`packed::sum_labels`].
     pub fn window_sums(
         self,
         size: [usize; 3],
@@ -162,25 +175,25 @@ impl Kernel {
         sums: &mut [u64],
     ) {
         match self {
-            Kernel::Scalar => window::sum_labels(size, labels, units, pair, sums),
+            Kernel::Scalar => packed::sum_labels(size, labels, units, pair, sums),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx512(avx512) => avx512.window_sums(size, labels, units, pair, sums),
         }
     }
 
-    /// [`window::cells_between`].
+    /// [`packed::cells_between`].
     pub fn window_cells(self, n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [u64]) {
         match self {
-            Kernel::Scalar => window::cells_between(n, strides, sums, cells),
+            Kernel::Scalar => packed::cells_between(n, strides, sums, cells),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx512(avx512) => avx512.window_cells(n, strides, sums, cells),
         }
     }
 
-    /// [`window::unpack`] of each word.
+    /// [`packed::unpack`] of each word.
     pub fn unpack(self, words: &[u64], cells: &mut [Sums]) {
         match self {
-            Kernel::Scalar => words.iter().zip(cells).for_each(|(word, cell)| *cell = window::unpack(*word)),
+            Kernel::Scalar => words.iter().zip(cells).for_each(|(word, cell)| *cell = packed::unpack(*word)),
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx512(avx512) => avx512.unpack(words, cells),
         }

@@ -8,9 +8,12 @@ use super::*;
 use crate::axis::{Axis, Extent};
 use crate::lattice::{Corners, Member};
 
+/// The forms of this processor other than the scalar one.
 fn forms() -> Vec<Kernel> {
-    let detected = Kernel::detect();
-    if detected == Kernel::Scalar { vec![] } else { vec![detected] }
+    let mut forms: Vec<Kernel> = InstructionSet::available().map(Kernel::of).collect();
+    forms.dedup();
+    forms.retain(|form| *form != Kernel::Scalar);
+    forms
 }
 
 fn grid(size: [u32; 3], seed: u64) -> LabelGrid {
@@ -115,9 +118,9 @@ proptest! {
 
     #[test]
     fn unpacking_agrees(counts in prop::collection::vec((prop::array::uniform5(0u64..=819), 0usize..8), 0..40)) {
-        let word = |(counts, full): &([u64; 5], usize)| match window::UNITS.get(*full) {
-            Some(unit) => unit.wrapping_mul(window::MAX_COUNT.into()),
-            None => counts.iter().zip(window::UNITS).map(|(n, unit)| n * unit).sum(),
+        let word = |(counts, full): &([u64; 5], usize)| match packed::UNITS.get(*full) {
+            Some(unit) => unit.wrapping_mul(packed::MAX_COUNT.into()),
+            None => counts.iter().zip(packed::UNITS).map(|(n, unit)| n * unit).sum(),
         };
         let words: Vec<u64> = counts.iter().map(word).collect();
         let (mut expected, mut cells) = (vec![Sums::default(); words.len()], vec![Sums::default(); words.len()]);

@@ -1,13 +1,12 @@
 //! The AVX-512 form of the window's kernels, and features eight cells at a time.
-#![allow(unsafe_code)] // Loads and stores through pointers, and calls past the run-time check.
+#![allow(unsafe_code, reason = "loads and stores through pointers, and calls past the run-time check")]
 
 use std::arch::x86_64::*;
 
 use pellucid_voxel::sat::tables::LANES;
 
 use super::avx512::Avx512;
-use super::{Rows, Sums};
-use crate::window;
+use super::{Rows, Sums, packed};
 
 impl Avx512 {
     /// Two features a channel of one group of materials; at least eight cells.
@@ -48,7 +47,7 @@ impl Avx512 {
         unsafe { window_cells_avx512(n, strides, sums, cells) }
     }
 
-    /// [`window::unpack`] of each word.
+    /// [`packed::unpack`] of each word.
     pub fn unpack(self, words: &[u64], cells: &mut [Sums]) {
         // SAFETY: as above.
         unsafe { unpack(words, cells) }
@@ -63,12 +62,12 @@ fn window_sums_avx512(
     pair: &mut Vec<u64>,
     sums: &mut [u64],
 ) {
-    window::sum_labels(size, labels, units, pair, sums);
+    packed::sum_labels(size, labels, units, pair, sums);
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
 fn window_cells_avx512(n: [usize; 3], strides: [usize; 3], sums: &[u64], cells: &mut [u64]) {
-    window::cells_between(n, strides, sums, cells);
+    packed::cells_between(n, strides, sums, cells);
 }
 
 /// Columns of eight rows of four words each: the first words of all rows, the second and so on.
@@ -126,12 +125,12 @@ fn unpack(words: &[u64], cells: &mut [Sums]) {
     assert_eq!(words.len(), cells.len());
     let (blocks, rest) = words.as_chunks::<8>();
     let (wide, narrow) = cells.split_at_mut(8 * blocks.len());
-    let mask = _mm512_set1_epi64((1 << window::FIELD) - 1);
-    let most = _mm512_set1_epi64(window::MAX_COUNT.into());
+    let mask = _mm512_set1_epi64((1 << packed::FIELD) - 1);
+    let most = _mm512_set1_epi64(packed::MAX_COUNT.into());
     for (words, cells) in blocks.iter().zip(wide.chunks_exact_mut(8)) {
         // SAFETY: eight words.
         let word = unsafe { _mm512_loadu_si512(words.as_ptr().cast()) };
-        const F: u32 = window::FIELD;
+        const F: u32 = packed::FIELD;
         let a = _mm512_and_si512(word, mask);
         let b = _mm512_and_si512(_mm512_srli_epi64::<F>(word), mask);
         let c = _mm512_and_si512(_mm512_srli_epi64::<{ 2 * F }>(word), mask);
@@ -167,6 +166,6 @@ fn unpack(words: &[u64], cells: &mut [Sums]) {
         }
     }
     for (word, cell) in rest.iter().zip(narrow) {
-        *cell = window::unpack(*word);
+        *cell = packed::unpack(*word);
     }
 }

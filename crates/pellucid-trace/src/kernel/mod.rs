@@ -1,7 +1,11 @@
 //! The SIMD kernel: delta tracking of many paths at once, lanes refilled as paths end.
 //!
 //! One source, three instruction sets, bit-identical results: see [`lanes::Lanes`].
-#![allow(unsafe_code)]
+#![allow(
+    unsafe_code,
+    reason = "vector intrinsics, entered by a token that exists once the processor was seen to have them, and \
+              gathers whose indices the step keeps inside the table and the pool of bricks"
+)]
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -15,13 +19,14 @@ mod step;
 use std::ops::Range;
 
 use lanes::Lanes;
+use pellucid_core::InstructionSet;
 use portable::Portable;
 use step::{Constants, Events, Paths};
 
-use crate::Backend;
 use crate::bricks::Brick;
 use crate::coefficients::{Coefficients, Phase};
 use crate::exit::{self, Outcome};
+use crate::march::voxel;
 use crate::rng;
 use crate::tally::Tally;
 use crate::volume::{Start, Volume};
@@ -47,40 +52,60 @@ pub(crate) struct Batch<'a> {
     pub(crate) samples: Range<u32>,
 }
 
-/// True when this processor runs the backend.
-pub(crate) fn supports(backend: Backend) -> bool {
-    match backend {
+/// A form of the kernel. All give the same bits.
+#[derive(Clone, Copy)]
+pub(crate) enum Form {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2(avx2::Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(avx512::Avx512),
+}
+
+impl Form {
+    /// The fastest form that is not above `set`.
+    pub(crate) fn of(set: InstructionSet) -> Self {
         #[cfg(target_arch = "x86_64")]
-        Backend::Avx512 => avx512::Avx512::detect().is_some(),
-        #[cfg(target_arch = "x86_64")]
-        Backend::Avx2 => avx2::Avx2::detect().is_some(),
-        #[cfg(not(target_arch = "x86_64"))]
-        Backend::Avx512 | Backend::Avx2 => false,
-        Backend::Portable => true,
+        {
+            if set >= InstructionSet::Avx512
+                && let Some(lanes) = avx512::Avx512::detect()
+            {
+                return Self::Avx512(lanes);
+            }
+            if set >= InstructionSet::Avx2
+                && let Some(lanes) = avx2::Avx2::detect()
+            {
+                return Self::Avx2(lanes);
+            }
+        }
+        let _ = set;
+        Self::Portable
+    }
+
+    /// What it needs.
+    pub(crate) fn instruction_set(self) -> InstructionSet {
+        match self {
+            Self::Portable => InstructionSet::Portable,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => InstructionSet::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => InstructionSet::Avx512,
+        }
     }
 }
 
 /// Traces a batch, adding to one tally a start.
-pub(crate) fn trace(backend: Backend, batch: &Batch<'_>, tallies: &mut [Tally]) {
+pub(crate) fn trace(form: Form, batch: &Batch<'_>, tallies: &mut [Tally]) {
     assert!(tallies.len() == batch.starts.len() && batch.keys.len() == batch.starts.len());
-    match backend {
+    match form {
+        Form::Portable => choose(Portable, batch, tallies),
+        // SAFETY: the token proves the features.
         #[cfg(target_arch = "x86_64")]
-        Backend::Avx512 => {
-            if let Some(lanes) = avx512::Avx512::detect() {
-                // SAFETY: the features were just detected.
-                return unsafe { trace_avx512(lanes, batch, tallies) };
-            }
-        }
+        Form::Avx2(lanes) => unsafe { trace_avx2(lanes, batch, tallies) },
+        // SAFETY: the token proves the features.
         #[cfg(target_arch = "x86_64")]
-        Backend::Avx2 => {
-            if let Some(lanes) = avx2::Avx2::detect() {
-                // SAFETY: the features were just detected.
-                return unsafe { trace_avx2(lanes, batch, tallies) };
-            }
-        }
-        _ => {}
+        Form::Avx512(lanes) => unsafe { trace_avx512(lanes, batch, tallies) },
     }
-    choose(Portable, batch, tallies);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -120,7 +145,7 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
     tallies: &mut [Tally],
 ) {
     let volume = batch.volume;
-    let mm = volume.frame().pitch().mm();
+    let mm = volume.mm();
     let constants =
         Constants::new(l, volume.bricks(), mm, volume.radii_mm(), batch.coefficients, batch.roulette);
     let mut jobs = Jobs { start: 0, sample: batch.samples.start, batch };
@@ -260,7 +285,7 @@ fn surface_events<L: Lanes>(l: L, volume: &Volume, index: f32, v: &mut Vector<L>
                     position[a][lane] = at[a];
                     direction[a][lane] = d[a];
                 }
-                byte[lane] = u32::from(volume.bricks().byte(exit::voxel(at)));
+                byte[lane] = u32::from(volume.bricks().byte(voxel(at)));
             }
         }
     }
