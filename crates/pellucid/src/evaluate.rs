@@ -2,7 +2,7 @@
 
 use pellucid_color::intent::MediaWhite;
 use pellucid_color::space::lab_of_linear_rgb;
-use pellucid_color::{DeltaEStats, delta_e::delta_e_2000_of};
+use pellucid_color::{ErrorStats, delta_e::delta_e_2000_of};
 use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, LabelGrid, MaterialTable, Surface};
 use rand_core::Rng;
@@ -155,6 +155,6 @@ fn stats(a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<pellucid_refine::ErrorStats, 
     };
     let mut differences = vec![0.0; a.len()];
     delta_e_2000_of(&lab(a), &lab(b), &mut differences);
-    let s = DeltaEStats::of(&differences)?;
+    let s = ErrorStats::of(differences);
     Ok(pellucid_refine::ErrorStats { mean: s.mean, median: s.median, p95: s.p95, max: s.max })
 }
