@@ -10,7 +10,7 @@ use pellucid_color::mixture::inverse::Inverse;
 use pellucid_color::mixture::table::DEFAULT_NODES;
 use pellucid_color::plane_parallel::Solver;
 use pellucid_color::space::{lab_of_linear_rgb, srgb_decode};
-use pellucid_color::{ColorError, DeltaEStats, Lab, MatchOptions, MixtureModel, Oklab, delta_e_2000};
+use pellucid_color::{ColorError, ErrorStats, Lab, MatchOptions, MixtureModel, Oklab, delta_e_2000};
 use pellucid_voxel::{Control, MaterialTable};
 
 fn main() -> Result<(), ColorError> {
@@ -65,7 +65,7 @@ fn main() -> Result<(), ColorError> {
                 );
             }
         }
-        println!("table of {nodes} nodes: {built:.0} ms; round trip {:.3?}", DeltaEStats::of(&errors)?);
+        println!("table of {nodes} nodes: {built:.0} ms; round trip {:.3?}", ErrorStats::of(errors));
         if nodes == DEFAULT_NODES {
             let t = Instant::now();
             for rgb in &colours {
@@ -98,8 +98,8 @@ fn main() -> Result<(), ColorError> {
         }
     }
     println!("sRGB cube outside the gamut: {:.1} %", outside.len() as f64 / 10.0);
-    println!("  distance {:.2?}", DeltaEStats::of(&outside)?);
-    println!("  hue turned by degrees {:.2?}", DeltaEStats::of(&turned)?);
+    println!("  distance {:.2?}", ErrorStats::of(outside.clone()));
+    println!("  hue turned by degrees {:.2?}", ErrorStats::of(turned));
 
     let t = Instant::now();
     let thin = ThicknessGamut::build(&model, &DEFAULT_THICKNESSES_MM, options, 17, &Control::none())?;

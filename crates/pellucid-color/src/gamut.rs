@@ -1,5 +1,6 @@
 //! What a print can show: gamut test and mapping, for thick and for thin parts.
 
+use pellucid_core::ErrorStats;
 use pellucid_voxel::Control;
 use rayon::prelude::*;
 
@@ -9,8 +10,7 @@ use crate::delta_e::delta_e_2000;
 use crate::mixture::inverse::{Inverse, MatchOptions};
 use crate::mixture::table::MixtureTable;
 use crate::mixture::{Fractions, MixtureModel};
-use crate::space::{Lab, Xyz};
-use crate::stats::DeltaEStats;
+use crate::space::{Lab, luminance};
 
 /// CIEDE2000 up to which a colour counts as printable: the table's own error stays below it.
 pub const TOLERANCE: f64 = 1.0;
@@ -39,7 +39,7 @@ pub struct GamutReport {
     /// Number of colours outside by more than [`TOLERANCE`].
     pub outside: usize,
     /// Differences between the wanted and the printable colours, of all.
-    pub difference: DeltaEStats,
+    pub difference: ErrorStats,
 }
 
 impl Gamut {
@@ -55,7 +55,7 @@ impl Gamut {
         control: &Control<'_>,
     ) -> Result<Self, ColorError> {
         let table = MixtureTable::build(&model, options, nodes, control)?;
-        let black = Xyz::from_linear_rgb(Inverse::new(&model, options).find([0.0; 3]).rgb).y;
+        let black = luminance(Inverse::new(&model, options).find([0.0; 3]).rgb);
         Ok(Self { model, table, black })
     }
 
@@ -101,11 +101,17 @@ impl Gamut {
     /// # Errors
     /// [`ColorError::Invalid`] when a colour is not finite.
     pub fn report(&self, colours: &[[f32; 3]]) -> Result<GamutReport, ColorError> {
+        if let Some(i) = colours.iter().position(|c| c.iter().any(|v| !v.is_finite())) {
+            return Err(ColorError::invalid(
+                format!("colour {i}"),
+                format!("{:?} is not finite", colours[i]),
+            ));
+        }
         let mut mapped = vec![Mapped { rgb: [0.0; 3], delta_e: 0.0 }; colours.len()];
         self.map_all(colours, &mut mapped);
         let differences: Vec<f32> = mapped.iter().map(|m| m.delta_e).collect();
         let outside = differences.iter().filter(|d| f64::from(**d) > TOLERANCE).count();
-        Ok(GamutReport { outside, difference: DeltaEStats::of(&differences)? })
+        Ok(GamutReport { outside, difference: ErrorStats::of(differences) })
     }
 }
 
@@ -249,10 +255,9 @@ mod tests {
         let model = model();
         let options = MatchOptions::default();
         let gamut = ThicknessGamut::build(&model, &[0.2, 0.8, 3.2], options, 17, &Control::none()).unwrap();
-        let luminance = |rgb: [f32; 3]| Xyz::from_linear_rgb(rgb.map(f64::from)).y;
         let mut last = (f64::INFINITY, f64::INFINITY);
         for mm in [0.05, 0.2, 0.3, 0.8, 2.0, 3.2, 6.0, 100.0] {
-            let (black, white) = (luminance(gamut.map([0.0; 3], mm).rgb), gamut.white(mm)[1]);
+            let (black, white) = (luminance(gamut.map([0.0; 3], mm).rgb.map(f64::from)), gamut.white(mm)[1]);
             assert!(
                 black <= last.0 + 1e-4 && white <= last.1 + 1e-9,
                 "{mm} mm: {black} {white} after {last:?}"
@@ -281,7 +286,7 @@ mod tests {
             let ours = gamut.map(rgb.map(|v| v as f32), 0.4).rgb.map(f64::from);
             errors.push(delta_e_2000(Lab::from_linear_rgb(exact), Lab::from_linear_rgb(ours)) as f32);
         }
-        let stats = DeltaEStats::of(&errors).unwrap();
+        let stats = ErrorStats::of(errors);
         // Dark saturated colours have two mappings nearly as good, to a thin black or to a colour;
         // cells between the two blend them.
         assert!(stats.mean < 0.7 && stats.median < 0.15 && stats.p95 < 3.0, "{stats:?}");

@@ -5,13 +5,12 @@
 //! | --- | --- |
 //! | [`space`] | sRGB transfer, linear Rec.709, XYZ, Lab, LCh, Oklab |
 //! | [`delta_e`] | CIEDE2000 |
-//! | [`stats`] | mean, median, 95th percentile and maximum of differences |
-//! | [`spectrum`] | 31-band spectra to XYZ and RGB |
+//! | [`spectrum`] | spectra of any bands to XYZ and RGB |
 //! | [`plane_parallel`] | deterministic radiance of half-spaces, slabs and layer stacks |
-//! | [`curve`] | half-space radiance as a fast function of albedo |
+//! | [`ReflectanceCurve`] | half-space radiance as a fast function of albedo |
 //! | [`mixture`] | volume fractions to colour, its exact inverse, and the inverse as a table |
 //! | [`gamut`] | printable colours of thick and thin parts |
-//! | [`viewing`] | radiance of any channels to colour, and back |
+//! | [`Viewing`] | radiance of any channels to colour, and back |
 //! | [`intent`] | media white, rendering intents, black point |
 //!
 //! Conventions: RGB is linear Rec.709 under D65 with media white at 1 unless a name says
@@ -19,9 +18,9 @@
 #![forbid(unsafe_code)]
 
 mod cube;
-pub mod curve;
+mod curve;
 pub mod delta_e;
-pub mod error;
+mod error;
 pub mod gamut;
 pub mod intent;
 pub mod mixture;
@@ -29,15 +28,15 @@ pub mod plane_parallel;
 pub mod space;
 pub mod spectrum;
 mod spectrum_data;
-pub mod stats;
-pub mod viewing;
+mod viewing;
 
+pub use curve::ReflectanceCurve;
 pub use delta_e::delta_e_2000;
 pub use error::ColorError;
 pub use gamut::{Gamut, GamutReport, Mapped, ThicknessGamut};
 pub use intent::{MediaWhite, Rendering, RenderingIntent};
 pub use mixture::inverse::MatchOptions;
 pub use mixture::{Fractions, MixtureModel};
+pub use pellucid_core::ErrorStats;
 pub use space::{Lab, Lch, Oklab, Xyz};
-pub use stats::DeltaEStats;
 pub use viewing::Viewing;

@@ -34,6 +34,18 @@ pub fn srgb_decode_table() -> [f32; 256] {
     std::array::from_fn(|code| srgb_decode(code as f64 / 255.0) as f32)
 }
 
+/// Luminance of a linear Rec.709 colour: the Y of [`Xyz::from_linear_rgb`].
+///
+/// ```
+/// use pellucid_color::space::luminance;
+/// assert!((luminance([1.0; 3]) - 1.0).abs() < 1e-12);
+/// assert!(luminance([0.0, 1.0, 0.0]) > 3.0 * luminance([1.0, 0.0, 0.0]));
+/// ```
+pub fn luminance(linear_rgb: [f64; 3]) -> f64 {
+    let [r, g, b] = TO_XYZ[1];
+    r * linear_rgb[0] + g * linear_rgb[1] + b * linear_rgb[2]
+}
+
 /// CIE XYZ tristimulus values, Y = 1 for the reference white.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -1,15 +1,18 @@
-//! Spectral radiance to colour: 31 bands, 400 to 700 nm in steps of 10 nm.
+//! Spectral radiance to colour: bands at any wavelengths from 360 to 830 nm, and the usual 31 from 400 to 700 nm in
+//! steps of 10 nm.
 //!
 //! Uses the tabulated CIE 1931 2° observer and illuminants (`CIE 15`), not an analytic fit.
 
+use pellucid_voxel::Channels;
+
 use crate::ColorError;
 use crate::space::Xyz;
-use crate::spectrum_data::{D50, D65, MATCHING};
+use crate::spectrum_data::{D50, D65, ENTRIES, MATCHING, START_NM, STEP_NM};
 
-/// Number of bands.
+/// Number of bands of the usual spectra.
 pub const BANDS: usize = 31;
 
-/// Wavelength of a band in nm.
+/// Wavelength of one of the [`BANDS`] in nm.
 ///
 /// ```
 /// assert_eq!(pellucid_color::spectrum::wavelength_nm(15), 550.0);
@@ -31,42 +34,207 @@ pub enum Illuminant {
     E,
 }
 
+/// Wavelengths in nm over which the observer and the illuminants are tabulated.
+pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = START_NM..=START_NM + STEP_NM * (ENTRIES - 1) as f64;
+
 impl Illuminant {
-    fn power(self, band: usize) -> f64 {
-        match self {
-            Self::D65 => D65[band],
-            Self::D50 => D50[band],
-            Self::E => 100.0,
-        }
+    /// Relative power at a wavelength, linear between the tabulated ones as the CIE has it.
+    fn power(self, nm: f64) -> f64 {
+        let table = match self {
+            Self::D65 => &D65,
+            Self::D50 => &D50,
+            Self::E => return 100.0,
+        };
+        let (i, part) = entry(nm);
+        if part == 0.0 { table[i] } else { table[i] + part * (table[i + 1] - table[i]) }
     }
 
-    /// Rows X, Y, Z over the bands: the weights of a reflectance or radiance factor, scaled so
+    /// Rows X, Y, Z over the 31 bands: the weights of a reflectance or radiance factor, scaled so
     /// that a factor of 1 in every band has Y = 1.
     pub fn xyz_weights(self) -> [[f64; BANDS]; 3] {
-        let luminance: f64 = (0..BANDS).map(|band| MATCHING[band][1] * self.power(band)).sum();
-        std::array::from_fn(|i| std::array::from_fn(|band| MATCHING[band][i] * self.power(band) / luminance))
+        let weights = self.xyz_over(&std::array::from_fn::<_, BANDS, _>(wavelength_nm));
+        std::array::from_fn(|i| std::array::from_fn(|band| weights[i][band]))
     }
 
-    /// Tristimulus values of the illuminant itself over these bands.
+    /// Tristimulus values of the illuminant itself over the 31 bands.
     pub fn white(self) -> Xyz {
         xyz_of(&self.xyz_weights(), &[1.0; BANDS])
     }
 
-    /// Rows of the matrix from the bands to linear Rec.709: XYZ, Bradford-adapted from this
+    /// Rows of the matrix from the 31 bands to linear Rec.709: XYZ, Bradford-adapted from this
     /// illuminant's white over the bands to D65. A factor of 1 in every band gives exactly white.
     pub fn linear_rgb_weights(self) -> [[f64; BANDS]; 3] {
-        let weights = self.xyz_weights();
-        let white = self.white();
-        let mut rows = [[0.0; BANDS]; 3];
-        for band in 0..BANDS {
-            let column = Xyz { x: weights[0][band], y: weights[1][band], z: weights[2][band] };
-            let rgb = column.adapt(white, Xyz::D65).to_linear_rgb();
-            for (row, value) in rows.iter_mut().zip(rgb) {
-                row[band] = value;
+        let rows = to_linear_rgb(&self.xyz_over(&std::array::from_fn::<_, BANDS, _>(wavelength_nm)));
+        std::array::from_fn(|i| std::array::from_fn(|band| rows[i][band]))
+    }
+
+    /// [`Illuminant::linear_rgb_weights`] for bands at any wavelengths in nm, ascending or descending.
+    ///
+    /// Between bands the spectrum is taken as a straight line, and beyond the ends as level for half a step. Bands of
+    /// up to 10 nm are weighed at their own wavelengths, wider ones by integrating over that line, so that five bands
+    /// serve as well as a spectrum of five points can.
+    ///
+    /// ```
+    /// use pellucid_color::spectrum::Illuminant;
+    /// let rows = Illuminant::D50.weights_for(&[420.0, 485.0, 550.0, 615.0, 680.0])?;
+    /// for row in &rows {
+    ///     assert!((row.iter().sum::<f64>() - 1.0).abs() < 1e-12); // 1 in every band is white
+    /// }
+    /// assert!(rows[0][3] > 0.5 && rows[2][0] > 0.1); // red sees 615 nm, blue 420 nm
+    /// # Ok::<(), pellucid_color::ColorError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ColorError::Invalid`] when wavelengths do not ascend or descend strictly; [`ColorError::Unsupported`]
+    /// outside [`VISIBLE_NM`], and for bands that tell no colour: fewer than 2, or so few or so far to one end that
+    /// their white is not near the illuminant's.
+    pub fn weights_for(self, wavelengths_nm: &[f64]) -> Result<[Vec<f64>; 3], ColorError> {
+        check_wavelengths(wavelengths_nm)?;
+        let ascending = wavelengths_nm[0] < wavelengths_nm[1];
+        let mut nm = wavelengths_nm.to_vec();
+        if !ascending {
+            nm.reverse();
+        }
+        let weights = self.xyz_over(&nm);
+        let (white, own) = (row_sums(&weights), self.white());
+        let near = |a: f64, b: f64| (0.5..=2.0).contains(&(a / b));
+        if !near(white.x, own.x) || !near(white.z, own.z) {
+            let (low, high) = (nm[0], nm[nm.len() - 1]);
+            return Err(ColorError::unsupported(
+                "bands",
+                format!(
+                    "{} from {low} to {high} nm do not span what an eye sees; cover about 430 to 670 nm, or give rows \
+                     of your own",
+                    nm.len()
+                ),
+            ));
+        }
+        let mut rows = to_linear_rgb(&weights);
+        if !ascending {
+            rows.iter_mut().for_each(|row| row.reverse());
+        }
+        Ok(rows)
+    }
+
+    /// Rows of the matrix from any channels to linear Rec.709: R, G, B are themselves under every illuminant, two or
+    /// more bands as [`Illuminant::weights_for`], one channel and channels without a wavelength the mean as grey.
+    ///
+    /// # Errors
+    /// As [`Illuminant::weights_for`]; [`ColorError::Unsupported`] for wavelengths that are named but not evenly
+    /// spaced.
+    pub fn rows_for(self, channels: &Channels) -> Result<[Vec<f64>; 3], ColorError> {
+        let grey = |count: usize| std::array::from_fn(|_| vec![1.0 / count as f64; count]);
+        match channels {
+            Channels::Rgb => Ok([vec![1.0, 0.0, 0.0], vec![0.0, 1.0, 0.0], vec![0.0, 0.0, 1.0]]),
+            Channels::Bands { count: 1, .. } => Ok(grey(1)),
+            Channels::Bands { .. } => self.weights_for(&channels.wavelengths_nm().collect::<Vec<_>>()),
+            Channels::Named(names) if names.len() > 1 && names.iter().all(|n| n.trim().ends_with("nm")) => {
+                Err(ColorError::unsupported(
+                    "channel names",
+                    "wavelengths that are not evenly spaced; resample them, or give rows of your own",
+                ))
+            }
+            Channels::Named(names) => Ok(grey(names.len())),
+        }
+    }
+
+    /// Rows X, Y, Z over ascending wavelengths, scaled so that 1 in every band has Y = 1.
+    fn xyz_over(self, nm: &[f64]) -> [Vec<f64>; 3] {
+        let weighed = |at: f64| observer(at).map(|v| v * self.power(at));
+        let mut rows: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; nm.len()]);
+        let mut add = |band: usize, weight: f64, xyz: [f64; 3]| {
+            rows.iter_mut().zip(xyz).for_each(|(row, v)| row[band] += v * weight);
+        };
+        let last = nm.len() - 1;
+        let gap = |k: usize| nm[k + 1] - nm[k];
+        if (0..last).all(|k| gap(k) <= STEP_NM * (1.0 + 1e-9)) {
+            for (k, &at) in nm.iter().enumerate() {
+                let width = 0.5 * (gap(k.saturating_sub(1)) + gap(k.min(last - 1)));
+                add(k, width / gap(0), weighed(at));
+            }
+        } else {
+            let (low, high) = (nm[0] - 0.5 * gap(0), nm[last] + 0.5 * gap(last - 1));
+            // Steps of 1 nm at most, each taken at its middle.
+            let steps = (high - low).ceil();
+            let mut k = 0;
+            for i in 0..steps as usize {
+                let at = low + (high - low) * (i as f64 + 0.5) / steps;
+                if !VISIBLE_NM.contains(&at) {
+                    continue;
+                }
+                while k + 1 < last && at > nm[k + 1] {
+                    k += 1;
+                }
+                let part = ((at - nm[k]) / gap(k)).clamp(0.0, 1.0);
+                add(k, 1.0 - part, weighed(at));
+                add(k + 1, part, weighed(at));
             }
         }
-        rows
+        let luminance: f64 = rows[1].iter().sum();
+        rows.map(|row| row.into_iter().map(|v| v / luminance).collect())
     }
+}
+
+/// The entry at or before a wavelength within [`VISIBLE_NM`], and how far on the way to the next it lies.
+fn entry(nm: f64) -> (usize, f64) {
+    let at = (nm - START_NM) / STEP_NM;
+    let i = (at.floor().max(0.0) as usize).min(ENTRIES - 1);
+    (i, if i + 1 == ENTRIES { 0.0 } else { at - i as f64 })
+}
+
+/// Colour matching functions at a wavelength, by a cubic through the four nearest entries (CIE 15, 7.2.1).
+fn observer(nm: f64) -> [f64; 3] {
+    let (i, part) = entry(nm);
+    if part == 0.0 {
+        return MATCHING[i];
+    }
+    let first = i.saturating_sub(1).min(ENTRIES - 4);
+    let at = (i - first) as f64 + part;
+    let mut value = [0.0; 3];
+    for k in 0..4 {
+        let weight: f64 =
+            (0..4).filter(|&j| j != k).map(|j| (at - j as f64) / (k as f64 - j as f64)).product();
+        value.iter_mut().zip(MATCHING[first + k]).for_each(|(v, m)| *v += weight * m);
+    }
+    value.map(|v| v.max(0.0))
+}
+
+fn check_wavelengths(nm: &[f64]) -> Result<(), ColorError> {
+    if let Some(bad) = nm.iter().find(|v| !VISIBLE_NM.contains(v)) {
+        return Err(ColorError::unsupported(
+            "bands",
+            format!(
+                "{bad} nm; from {} to {} nm the eye's response is known",
+                VISIBLE_NM.start(),
+                VISIBLE_NM.end()
+            ),
+        ));
+    }
+    if nm.len() < 2 {
+        return Err(ColorError::unsupported("bands", format!("{}; a colour needs at least 2", nm.len())));
+    }
+    let strict = |rising: bool| nm.windows(2).all(|w| w[0] != w[1] && (w[0] < w[1]) == rising);
+    if strict(true) || strict(false) {
+        return Ok(());
+    }
+    Err(ColorError::invalid("bands", "their wavelengths must ascend, or descend, without repeats"))
+}
+
+/// Tristimulus values of 1 in every band.
+fn row_sums(weights: &[Vec<f64>; 3]) -> Xyz {
+    let [x, y, z] = std::array::from_fn(|i| weights[i].iter().sum());
+    Xyz { x, y, z }
+}
+
+/// From rows X, Y, Z to rows R, G, B, adapted from the rows' own white to D65.
+fn to_linear_rgb(weights: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
+    let white = row_sums(weights);
+    let mut rows: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(weights[0].len()));
+    for ((&x, &y), &z) in weights[0].iter().zip(&weights[1]).zip(&weights[2]) {
+        let rgb = Xyz { x, y, z }.adapt(white, Xyz::D65).to_linear_rgb();
+        rows.iter_mut().zip(rgb).for_each(|(row, value)| row.push(value));
+    }
+    rows
 }
 
 fn xyz_of(weights: &[[f64; BANDS]; 3], factor: &[f64]) -> Xyz {
@@ -138,6 +306,117 @@ mod tests {
             let sum = xyz.x + xyz.y + xyz.z;
             assert!((xyz.x / sum - x).abs() < 1e-4 && (xyz.y / sum - y).abs() < 1e-4, "{nm}");
         }
+    }
+
+    /// The formula for 31 bands written out: the values that older results were made with.
+    fn written_out(illuminant: Illuminant) -> [[f64; BANDS]; 3] {
+        let power = |band: usize| match illuminant {
+            Illuminant::D65 => D65[band + 4],
+            Illuminant::D50 => D50[band + 4],
+            Illuminant::E => 100.0,
+        };
+        let luminance: f64 = (0..BANDS).map(|band| MATCHING[band + 4][1] * power(band)).sum();
+        let weights: [[f64; BANDS]; 3] = std::array::from_fn(|i| {
+            std::array::from_fn(|band| MATCHING[band + 4][i] * power(band) / luminance)
+        });
+        let white = xyz_of(&weights, &[1.0; BANDS]);
+        let mut rows = [[0.0; BANDS]; 3];
+        for band in 0..BANDS {
+            let column = Xyz { x: weights[0][band], y: weights[1][band], z: weights[2][band] };
+            let rgb = column.adapt(white, Xyz::D65).to_linear_rgb();
+            (0..3).for_each(|i| rows[i][band] = rgb[i]);
+        }
+        rows
+    }
+
+    const ALL: [Illuminant; 3] = [Illuminant::D65, Illuminant::D50, Illuminant::E];
+
+    #[test]
+    fn thirty_one_bands_are_what_they_were() {
+        let bands = Channels::Bands { start_nm: 400.0, step_nm: 10.0, count: 31 };
+        for illuminant in ALL {
+            let expected = written_out(illuminant);
+            assert_eq!(illuminant.linear_rgb_weights(), expected);
+            let rows = illuminant.rows_for(&bands).unwrap();
+            (0..3).for_each(|i| assert_eq!(rows[i], expected[i]));
+            let mut down: Vec<f64> = bands.wavelengths_nm().collect();
+            down.reverse();
+            let mut rows = illuminant.weights_for(&down).unwrap();
+            rows.iter_mut().for_each(|row| row.reverse());
+            (0..3).for_each(|i| assert_eq!(rows[i], expected[i]));
+        }
+    }
+
+    #[test]
+    fn the_whole_table_has_the_standard_whites() {
+        let nm: Vec<f64> = (0..=94).map(|i| 360.0 + 5.0 * f64::from(i)).collect();
+        for (illuminant, white) in ALL.into_iter().zip([Xyz::D65, Xyz::D50, Xyz::E]) {
+            let ours = row_sums(&illuminant.xyz_over(&nm));
+            // The standard whites are rounded to four digits of chromaticity, the table is one of 10 nm.
+            assert!(
+                (ours.x - white.x).abs() < 5e-4 && (ours.z - white.z).abs() < 1.5e-3,
+                "{ours:?} {white:?}"
+            );
+        }
+    }
+
+    /// A smooth spectrum, as of a pigment.
+    fn pigment(nm: f64) -> f64 {
+        0.2 + 0.6 / (1.0 + ((560.0 - nm) / 30.0).exp())
+    }
+
+    #[test]
+    fn other_bands_agree_as_far_as_they_resolve_the_spectrum() {
+        for illuminant in ALL {
+            let colour = |nm: &[f64], spectrum: &dyn Fn(f64) -> f64| {
+                let rows = illuminant.weights_for(nm).unwrap();
+                rows.map(|row| row.iter().zip(nm).map(|(w, &at)| w * spectrum(at)).sum::<f64>())
+            };
+            let at = |start: f64, step: f64, count: usize| {
+                (0..count).map(|i| start + step * i as f64).collect::<Vec<_>>()
+            };
+            let exact = colour(&at(380.0, 1.0, 401), &pigment);
+            // Apart by what a straight line between bands misses of the spectrum's edge.
+            for (nm, tolerance) in [
+                (at(400.0, 10.0, 31), 0.004),
+                (at(405.0, 10.0, 30), 0.004),
+                (at(400.0, 5.0, 61), 0.004),
+                (at(400.0, 12.0, 26), 0.004),
+                (at(400.0, 20.0, 16), 0.01),
+                (at(420.0, 40.0, 7), 0.03),
+                (at(400.0, 75.0, 5), 0.08),
+            ] {
+                let found = colour(&nm, &pigment);
+                for (a, b) in found.iter().zip(exact) {
+                    assert!(
+                        (a - b).abs() < tolerance,
+                        "{illuminant:?} {} bands: {found:?} {exact:?}",
+                        nm.len()
+                    );
+                }
+            }
+            // What is straight between five bands is the same seen through many.
+            let five = at(400.0, 75.0, 5);
+            let tent = |nm: f64| (1.0 - ((nm - 550.0) / 75.0).abs()).max(0.0);
+            let fine = colour(&at(365.0, 1.0, 373), &tent);
+            for (a, b) in colour(&five, &tent).iter().zip(fine) {
+                assert!((a - b).abs() < 2e-3, "{illuminant:?}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn bands_that_tell_no_colour_are_refused() {
+        let refused = |nm: &[f64]| Illuminant::D65.weights_for(nm).unwrap_err();
+        assert!(matches!(refused(&[]), ColorError::Unsupported(_)));
+        assert!(matches!(refused(&[550.0]), ColorError::Unsupported(_)));
+        assert!(refused(&[350.0, 550.0]).to_string().contains("350 nm"));
+        assert!(refused(&[600.0, 620.0, 640.0]).to_string().contains("600 to 640 nm"));
+        assert!(matches!(refused(&[450.0, 550.0, 550.0]), ColorError::Invalid(_)));
+        assert!(matches!(refused(&[450.0, 650.0, 550.0]), ColorError::Invalid(_)));
+        assert!(matches!(refused(&[450.0, f64::NAN]), ColorError::Unsupported(_)));
+        let uneven = Channels::Named(["450 nm", "500 nm", "600 nm"].map(str::to_owned).to_vec());
+        assert!(Illuminant::D65.rows_for(&uneven).unwrap_err().to_string().contains("evenly"));
     }
 
     #[test]

@@ -1,7 +1,11 @@
 //! How channels become colour, and back: the only place that knows three.
 
+use pellucid_voxel::{Channels, MaterialTable};
+
 use crate::ColorError;
 use crate::intent::MediaWhite;
+use crate::plane_parallel::Solver;
+use crate::spectrum::Illuminant;
 
 /// Turns the radiance of a print, by channel, into linear Rec.709 relative to the print's white.
 ///
@@ -19,6 +23,72 @@ pub struct Viewing {
 }
 
 impl Viewing {
+    /// Any channels under an illuminant, relative to a white whose radiance (0 to 1, one value a channel) is
+    /// `white_radiance`, such as a thick block's.
+    ///
+    /// R, G, B stay themselves under any illuminant. Bands are seen by the CIE 1931 observer and adapted to D65
+    /// ([`Illuminant::weights_for`]), so that a radiance of 1 in every band is absolute white. One channel, and
+    /// channels that are not known to be colours, are grey: their mean.
+    ///
+    /// ```
+    /// use pellucid_color::{Viewing, spectrum::Illuminant};
+    /// use pellucid_voxel::Channels;
+    /// let bands = Channels::Bands { start_nm: 420.0, step_nm: 65.0, count: 5 };
+    /// let viewing = Viewing::new(&bands, Illuminant::D50, &[0.6, 0.7, 0.8, 0.8, 0.8])?;
+    /// let rgb = viewing.relative_rgb(&[0.3, 0.35, 0.4, 0.4, 0.4]);
+    /// assert!(rgb.iter().all(|v| (v - 0.5).abs() < 1e-6)); // half as bright as the white
+    /// let grey = Viewing::new(&Channels::Named(vec!["grey".into()]), Illuminant::D65, &[0.8])?;
+    /// assert_eq!(grey.relative_rgb(&[0.4]), [0.5; 3]);
+    /// # Ok::<(), pellucid_color::ColorError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ColorError::Invalid`] for another number of values than channels, or a white that is not light;
+    /// [`ColorError::Unsupported`] for bands that tell no colour.
+    pub fn new(
+        channels: &Channels,
+        illuminant: Illuminant,
+        white_radiance: &[f64],
+    ) -> Result<Self, ColorError> {
+        if white_radiance.len() != channels.count() {
+            return Err(ColorError::invalid(
+                "white radiance",
+                format!("{} values for {} channels", white_radiance.len(), channels.count()),
+            ));
+        }
+        let rows = illuminant.rows_for(channels)?;
+        let white =
+            [0, 1, 2].map(|c| rows[c].iter().zip(white_radiance).map(|(w, v): (&f64, &f64)| w * v).sum());
+        Self::from_rows(rows, MediaWhite::new(white)?)
+    }
+
+    /// How a print of these materials looks under an illuminant, relative to a thick block of its material `white`.
+    /// The block's radiance comes from the exact solution of the transfer equation: milliseconds a channel.
+    ///
+    /// ```
+    /// use pellucid_color::{Viewing, spectrum::Illuminant};
+    /// use pellucid_voxel::MaterialTable;
+    /// let viewing = Viewing::of_print(&MaterialTable::cmykw(), "white", 1.5, Illuminant::D65)?;
+    /// let white = viewing.media_white();
+    /// assert!(white[1] > white[0] && white[0] > 0.7); // thick white resin is not neutral
+    /// # Ok::<(), pellucid_color::ColorError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Viewing::new`] and [`Solver::thick_block`]; [`ColorError::Invalid`] when no material has the name.
+    pub fn of_print(
+        table: &MaterialTable,
+        white: &str,
+        refractive_index: f64,
+        illuminant: Illuminant,
+    ) -> Result<Self, ColorError> {
+        let material = table
+            .label_of(white)
+            .and_then(|label| table.get(label))
+            .ok_or_else(|| ColorError::invalid("white", format!("no material is named {white:?}")))?;
+        Self::new(table.spectrum(), illuminant, &Solver::new(refractive_index)?.thick_block(material)?)
+    }
+
     /// Three channels that are linear R, G, B.
     pub fn rgb(white: MediaWhite) -> Self {
         Self { rows: None, white: white.rgb().map(|v| v as f32) }
@@ -36,6 +106,10 @@ impl Viewing {
                 "viewing",
                 "needs three rows of finite weights, one weight a channel",
             ));
+        }
+        let unit = |c: usize| (0..3).all(|k| rows[c][k] == f64::from(u8::from(c == k)));
+        if channels == 3 && (0..3).all(unit) {
+            return Ok(Self::rgb(white));
         }
         let rows = rows.map(|row| row.into_iter().map(|v| v as f32).collect());
         Ok(Self { rows: Some(rows), white: white.rgb().map(|v| v as f32) })
@@ -95,6 +169,36 @@ mod tests {
             let back: f32 = d_radiance.iter().zip(&radiance).map(|(a, b)| a * b).sum();
             assert!((forward - back).abs() < 1e-5, "{forward} {back}");
         }
+    }
+
+    #[test]
+    fn channels_tell_how_they_are_seen() {
+        let bands = Channels::Bands { start_nm: 400.0, step_nm: 10.0, count: 31 };
+        let white: Vec<f64> = (0..31).map(|k| 0.6 + 0.01 * f64::from(k)).collect();
+        let radiance: Vec<f32> = (0..31).map(|k| 0.4 - 0.01 * k as f32).collect();
+        for illuminant in [Illuminant::D65, Illuminant::D50, Illuminant::E] {
+            let viewing = Viewing::new(&bands, illuminant, &white).unwrap();
+            assert_eq!(viewing.channels(), 31);
+            let rows = illuminant.linear_rgb_weights();
+            let seen = viewing.relative_rgb(&radiance);
+            for c in 0..3 {
+                let sum = |v: &dyn Fn(usize) -> f64| (0..31).map(|k| rows[c][k] * v(k)).sum::<f64>();
+                let expected = sum(&|k| f64::from(radiance[k])) / sum(&|k| white[k]);
+                assert!((f64::from(seen[c]) - expected).abs() < 1e-6, "{seen:?} {expected}");
+            }
+            let own = white.iter().map(|&v| v as f32).collect::<Vec<_>>();
+            assert!(viewing.relative_rgb(&own).iter().all(|v| (v - 1.0).abs() < 1e-6));
+        }
+        let rgb = Viewing::new(&Channels::Rgb, Illuminant::D50, &[0.5, 0.8, 0.4]).unwrap();
+        assert_eq!(rgb, Viewing::rgb(MediaWhite::new([0.5, 0.8, 0.4]).unwrap()));
+        let named = Channels::Named(["a", "b"].map(str::to_owned).to_vec());
+        let grey = Viewing::new(&named, Illuminant::D65, &[0.5, 1.0]).unwrap();
+        assert_eq!(grey.relative_rgb(&[0.25, 0.125]), [0.25; 3]);
+        let one = Channels::Bands { start_nm: 633.0, step_nm: 1.0, count: 1 };
+        assert_eq!(Viewing::new(&one, Illuminant::E, &[0.5]).unwrap().relative_rgb(&[0.25]), [0.5; 3]);
+        assert!(Viewing::new(&Channels::Rgb, Illuminant::D65, &[0.5; 4]).is_err());
+        assert!(Viewing::new(&Channels::Rgb, Illuminant::D65, &[0.5, 0.0, 0.5]).is_err());
+        assert!(Viewing::of_print(&MaterialTable::cmykw(), "ivory", 1.5, Illuminant::D65).is_err());
     }
 
     #[test]

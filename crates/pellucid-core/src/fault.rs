@@ -58,6 +58,14 @@ pub struct FileError {
     pub source: io::Error,
 }
 
+/// Equal where action, path and kind of the system's reason are.
+impl PartialEq for FileError {
+    fn eq(&self, other: &Self) -> bool {
+        let key = |e: &Self| (e.action, e.source.kind());
+        key(self) == key(other) && self.path == other.path
+    }
+}
+
 impl FileError {
     /// For `map_err`: turns an `io::Error` into one that names action and path.
     ///

@@ -1,6 +1,6 @@
 //! The colour crate's gamut as an ink model.
 
-use pellucid_color::space::{Lab, lab_of_linear_rgb};
+use pellucid_color::space::{self, Lab, lab_of_linear_rgb};
 use pellucid_color::{Gamut, delta_e_2000};
 use pellucid_voxel::MaterialTable;
 
@@ -19,8 +19,7 @@ impl<'a> GamutInk<'a> {
         let model = gamut.model();
         let luminance = |label: u8| {
             let pure = pellucid_color::Fractions::pure(usize::from(label) - 1, model.materials());
-            let [r, g, b] = model.relative_rgb(&pure);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
+            space::luminance(model.relative_rgb(&pure))
         };
         let white = model.white() as u8 + 1;
         let mut labels: Vec<u8> =

@@ -14,10 +14,13 @@
 //! with x fastest; coordinates are written `[x, y, z]`. Label 0 is air.
 #![forbid(unsafe_code)]
 
+pub mod channels;
 mod eigen;
 mod envelope;
 pub mod error;
 pub mod grid;
+#[cfg(feature = "serde")]
+mod json;
 pub mod material;
 pub mod nearest;
 mod nearest_block;
@@ -30,6 +33,7 @@ pub mod surface;
 mod surface_index;
 pub mod thickness;
 
+pub use channels::Channels;
 pub use error::VoxelError;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};

@@ -1,10 +1,10 @@
-//! Print materials: scattering and absorption per colour channel.
+//! Print materials: scattering and absorption per channel.
 
-use crate::VoxelError;
+use crate::{Channels, VoxelError};
 
 /// One print material. Labels in a grid are 1-based positions in a [`MaterialTable`].
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Material {
     /// Display name, unique in its table.
     pub name: String,
@@ -31,6 +31,18 @@ impl Material {
 
 /// The materials of a print, in label order, over one set of channels.
 ///
+/// How many materials are possible:
+///
+/// | where | most | why |
+/// | --- | --- | --- |
+/// | a table | 255 | labels are bytes and 0 is air |
+/// | the path tracer | 15 in use | labels are packed into four bits |
+/// | a refinement | 16 inks | thresholds of a voxel are kept in a fixed block |
+/// | a mixture model | 8 | the starts of its inverse grow with a power of the number |
+/// | a printer | its profile says | a J750 takes 6 |
+///
+/// Channels may be 1 to 256 everywhere.
+///
 /// ```
 /// use pellucid_voxel::MaterialTable;
 /// let table = MaterialTable::cmykw();
@@ -40,8 +52,8 @@ impl Material {
 /// assert!(table.albedo(white, 0) > 0.999);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct MaterialTable {
+    channels: Channels,
     channel_names: Vec<String>,
     materials: Vec<Material>,
 }
@@ -50,56 +62,76 @@ impl MaterialTable {
     /// Most materials in a table: labels are bytes and 0 is air.
     pub const MAX_MATERIALS: usize = 255;
     /// Most channels in a table.
-    pub const MAX_CHANNELS: usize = 256;
+    pub const MAX_CHANNELS: usize = Channels::MAX;
+    /// Most bytes of a file that [`MaterialTable::load`] reads.
+    pub const MAX_FILE_BYTES: u64 = 16 << 20;
 
-    /// Checks and builds a table.
+    /// Checks and builds a table over channels whose names say what they are: see [`Channels::of_names`].
     ///
     /// # Errors
     /// [`VoxelError::Invalid`] naming the material when a coefficient is negative or not finite,
     /// `g` lies outside -0.99..=0.99, a channel is missing or a name repeats;
     /// [`VoxelError::Unsupported`] past the limits above.
     pub fn new(channel_names: Vec<String>, materials: Vec<Material>) -> Result<Self, VoxelError> {
-        let channels = channel_names.len();
-        if channels == 0 || materials.is_empty() {
-            return Err(VoxelError::invalid("material table", "needs at least one channel and one material"));
-        }
-        if channels > Self::MAX_CHANNELS || materials.len() > Self::MAX_MATERIALS {
-            return Err(VoxelError::unsupported(
-                "material table",
-                format!(
-                    "{} materials over {channels} channels; at most {} over {}",
-                    materials.len(),
-                    Self::MAX_MATERIALS,
-                    Self::MAX_CHANNELS
-                ),
-            ));
-        }
-        for (i, m) in materials.iter().enumerate() {
-            if materials[..i].iter().any(|other| other.name == m.name) {
-                return Err(VoxelError::invalid(format!("material {:?}", m.name), "the name is used twice"));
-            }
-            if !(-0.99..=0.99).contains(&m.g) {
-                return Err(VoxelError::invalid(
-                    format!("material {:?}, g", m.name),
-                    format!("{} must lie within -0.99 to 0.99", m.g),
-                ));
-            }
-            for (what, values) in [("sigma_s", &m.sigma_s), ("sigma_a", &m.sigma_a)] {
-                if values.len() != channels {
-                    return Err(VoxelError::invalid(
-                        format!("material {:?}, {what}", m.name),
-                        format!("has {} values for {channels} channels", values.len()),
-                    ));
-                }
-                if let Some(bad) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
-                    return Err(VoxelError::invalid(
-                        format!("material {:?}, {what}", m.name),
-                        format!("{bad} per mm must be finite and at least 0"),
-                    ));
-                }
-            }
-        }
-        Ok(Self { channel_names, materials })
+        let channels = Channels::of_names(&channel_names).checked()?;
+        check(channels.count(), &materials)?;
+        Ok(Self { channels, channel_names, materials })
+    }
+
+    /// Checks and builds a table over given channels.
+    ///
+    /// ```
+    /// use pellucid_voxel::{Channels, Material, MaterialTable};
+    /// let five = Channels::Bands { start_nm: 420.0, step_nm: 65.0, count: 5 };
+    /// let grey = Material { name: "grey".into(), sigma_s: vec![4.0; 5], sigma_a: vec![0.5; 5], g: 0.4 };
+    /// let table = MaterialTable::over(five.clone(), vec![grey])?;
+    /// assert_eq!((table.channels(), table.spectrum()), (5, &five));
+    /// assert_eq!(table.channel_names()[1], "485 nm");
+    /// # Ok::<(), pellucid_voxel::VoxelError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`MaterialTable::new`], and for channels out of range ([`Channels::checked`]).
+    pub fn over(channels: Channels, materials: Vec<Material>) -> Result<Self, VoxelError> {
+        // Names that say more than `Named` count for what they say, whichever way they came.
+        let channels = match channels {
+            Channels::Named(names) => Channels::of_names(&names),
+            other => other,
+        };
+        let channels = channels.checked()?;
+        check(channels.count(), &materials)?;
+        Ok(Self { channel_names: channels.names(), channels, materials })
+    }
+
+    /// From JSON text:
+    /// `{"channel_names": ["R", "G", "B"], "materials": [{"name": …, "sigma_s": […], "sigma_a": […], "g": …}, …]}`.
+    /// Instead of names, `"channels": {"bands": {"start_nm": 400, "step_nm": 10, "count": 31}}` is possible.
+    ///
+    /// ```
+    /// let error = pellucid_voxel::MaterialTable::from_json(
+    ///     r#"{"channel_names": ["grey"], "materials": [{"name": "ink", "sigma_s": [4], "sigma_a": ["-"], "g": 0}]}"#,
+    /// );
+    /// let text = error.unwrap_err().to_string();
+    /// assert!(text.starts_with("invalid line 1, column 89: material 1: sigma_a: "), "{text}");
+    /// ```
+    ///
+    /// # Errors
+    /// [`VoxelError::Invalid`] naming line and column of what is no such table, and as [`MaterialTable::new`].
+    #[cfg(feature = "serde")]
+    pub fn from_json(text: &str) -> Result<Self, VoxelError> {
+        crate::json::parse(text)
+    }
+
+    /// From a JSON file of at most [`MaterialTable::MAX_FILE_BYTES`]; see [`MaterialTable::from_json`].
+    ///
+    /// # Errors
+    /// [`VoxelError::Io`] where the file cannot be read or is larger; else as [`MaterialTable::from_json`], with the
+    /// file's name before the rest.
+    #[cfg(feature = "serde")]
+    pub fn load(path: impl AsRef<std::path::Path>) -> Result<Self, VoxelError> {
+        let path = path.as_ref();
+        let text = pellucid_core::files::read_text_bounded(path, Self::MAX_FILE_BYTES)?;
+        Self::from_json(&text).map_err(|error| error.in_file(path))
     }
 
     /// The default cyan, magenta, yellow, black and white of a J750-class printer over linear
@@ -114,7 +146,8 @@ impl MaterialTable {
             ("white", [0.9991, 0.9997, 0.999], [6.0, 9.0, 24.0]),
         ];
         Self {
-            channel_names: ["R", "G", "B"].map(str::to_owned).to_vec(),
+            channels: Channels::Rgb,
+            channel_names: Channels::Rgb.names(),
             materials: rows.iter().map(|(name, a, t)| Material::from_albedo(name, a, t, g)).collect(),
         }
     }
@@ -122,6 +155,11 @@ impl MaterialTable {
     /// Number of channels.
     pub fn channels(&self) -> usize {
         self.channel_names.len()
+    }
+
+    /// What the channels are.
+    pub fn spectrum(&self) -> &Channels {
+        &self.channels
     }
 
     /// Channel names in order.
@@ -168,17 +206,41 @@ impl MaterialTable {
     }
 }
 
-#[cfg(feature = "serde")]
-impl<'de> serde::Deserialize<'de> for MaterialTable {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        struct Raw {
-            channel_names: Vec<String>,
-            materials: Vec<Material>,
-        }
-        let raw = Raw::deserialize(deserializer)?;
-        MaterialTable::new(raw.channel_names, raw.materials).map_err(serde::de::Error::custom)
+/// Checks number, names and coefficients of materials over `channels` channels.
+fn check(channels: usize, materials: &[Material]) -> Result<(), VoxelError> {
+    if materials.is_empty() {
+        return Err(VoxelError::invalid("materials", "there are none; give at least one"));
     }
+    if materials.len() > MaterialTable::MAX_MATERIALS {
+        let text = format!("{}; at most {}", materials.len(), MaterialTable::MAX_MATERIALS);
+        return Err(VoxelError::unsupported("materials", text));
+    }
+    for (i, m) in materials.iter().enumerate() {
+        if materials[..i].iter().any(|other| other.name == m.name) {
+            return Err(VoxelError::invalid(format!("material {:?}", m.name), "the name is used twice"));
+        }
+        if !(-0.99..=0.99).contains(&m.g) {
+            return Err(VoxelError::invalid(
+                format!("material {:?}, g", m.name),
+                format!("{} must lie within -0.99 to 0.99", m.g),
+            ));
+        }
+        for (what, values) in [("sigma_s", &m.sigma_s), ("sigma_a", &m.sigma_a)] {
+            if values.len() != channels {
+                return Err(VoxelError::invalid(
+                    format!("material {:?}, {what}", m.name),
+                    format!("has {} values for {channels} channels", values.len()),
+                ));
+            }
+            if let Some(bad) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+                return Err(VoxelError::invalid(
+                    format!("material {:?}, {what}", m.name),
+                    format!("{bad} per mm must be finite and at least 0"),
+                ));
+            }
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

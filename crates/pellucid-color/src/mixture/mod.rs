@@ -12,10 +12,12 @@ use pellucid_voxel::MaterialTable;
 
 use crate::ColorError;
 use crate::curve::ReflectanceCurve;
+use crate::intent::MediaWhite;
 use crate::plane_parallel::{Layer, Solver};
-use crate::spectrum::{BANDS, Illuminant};
+use crate::spectrum::Illuminant;
+use crate::viewing::Viewing;
 
-/// Most materials in a mixture.
+/// Most materials in a mixture: the starts of its inverse grow with a power of their number.
 pub const MAX_MATERIALS: usize = 8;
 
 /// Volume fractions of a mixture, by material in label order (label 1 first), summing to 1.
@@ -68,8 +70,8 @@ pub struct MixtureModel {
 }
 
 impl MixtureModel {
-    /// Of a table with 3 channels (linear R, G, B) or 31 (400 to 700 nm, seen under D65), its
-    /// designated white material by name, and the resin's refractive index.
+    /// Of a table over any channels, seen under D65, its designated white material by name, and the
+    /// resin's refractive index.
     ///
     /// ```
     /// use pellucid_color::mixture::MixtureModel;
@@ -84,22 +86,25 @@ impl MixtureModel {
     /// # Errors
     /// [`ColorError::Invalid`] for an unknown white, fewer than 2 materials, a material that
     /// neither scatters nor absorbs, or an index outside 1 to 3; [`ColorError::Unsupported`] for
-    /// more than [`MAX_MATERIALS`] materials or another number of channels.
+    /// more than [`MAX_MATERIALS`] materials or bands that tell no colour.
     pub fn new(table: &MaterialTable, white: &str, refractive_index: f64) -> Result<Self, ColorError> {
-        let rows = match table.channels() {
-            3 => std::array::from_fn(|i| (0..3).map(|j| f64::from(u8::from(i == j))).collect()),
-            BANDS => Illuminant::D65.linear_rgb_weights().map(|row| row.to_vec()),
-            other => {
-                return Err(ColorError::unsupported(
-                    format!("a material table of {other} channels"),
-                    format!("give 3 (linear R, G, B) or {BANDS} (400 to 700 nm), or weights of your own"),
-                ));
-            }
-        };
-        Self::with_weights(table, white, refractive_index, rows)
+        Self::under(table, white, refractive_index, Illuminant::D65)
     }
 
-    /// As [`Self::new`] for any channels, with the rows of the matrix from channels to linear RGB.
+    /// As [`Self::new`] under another illuminant; it changes how bands are seen ([`Illuminant::rows_for`]).
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn under(
+        table: &MaterialTable,
+        white: &str,
+        refractive_index: f64,
+        illuminant: Illuminant,
+    ) -> Result<Self, ColorError> {
+        Self::with_weights(table, white, refractive_index, illuminant.rows_for(table.spectrum())?)
+    }
+
+    /// As [`Self::new`] with rows of one's own from channels to linear RGB.
     ///
     /// # Errors
     /// As [`Self::new`], and for rows of another length than the channels.
@@ -110,23 +115,7 @@ impl MixtureModel {
         to_rgb: [Vec<f64>; 3],
     ) -> Result<Self, ColorError> {
         let (count, channels) = (table.len(), table.channels());
-        let white = usize::from(
-            table
-                .label_of(white)
-                .ok_or_else(|| ColorError::invalid("white", format!("no material is named {white:?}")))?,
-        ) - 1;
-        if count < 2 {
-            return Err(ColorError::invalid("materials", "a mixture needs at least 2"));
-        }
-        if count > MAX_MATERIALS {
-            return Err(ColorError::unsupported(
-                format!("a mixture of {count} materials"),
-                format!("keep to {MAX_MATERIALS}"),
-            ));
-        }
-        if to_rgb.iter().any(|row| row.len() != channels || row.iter().any(|v| !v.is_finite())) {
-            return Err(ColorError::invalid("weights", format!("need {channels} finite values a row")));
-        }
+        let white = check(table, white, &to_rgb)?;
         let mut absorption = vec![[0.0; MAX_MATERIALS]; channels];
         let mut reduced = absorption.clone();
         let mut scattering = absorption.clone();
@@ -164,7 +153,7 @@ impl MixtureModel {
         let mut pure = [0.0; MAX_MATERIALS];
         pure[white] = 1.0;
         model.white_rgb = model.rgb_of(&pure, None);
-        if let Some(bad) = model.white_rgb.iter().find(|v| v.is_nan() || **v <= 1e-3) {
+        if let Some(bad) = model.white_rgb.iter().find(|v| !v.is_finite() || **v <= 1e-3) {
             return Err(ColorError::invalid(
                 "white",
                 format!("its colour has a component of {bad}; it must reflect"),
@@ -244,6 +233,29 @@ impl MixtureModel {
     /// Linear RGB of the thick white print: the media white, about 0.8 for the default materials.
     pub fn media_white(&self) -> [f64; 3] {
         self.white_rgb
+    }
+
+    /// Radiance of the thick white print, by channel.
+    pub fn white_radiance(&self) -> Vec<f64> {
+        let mut pure = [0.0; MAX_MATERIALS];
+        pure[self.white] = 1.0;
+        (0..self.absorption.len()).map(|channel| self.channel(channel, &pure, None)).collect()
+    }
+
+    /// From radiance to colour as this model sees it, relative to the thick white print.
+    ///
+    /// ```
+    /// use pellucid_color::MixtureModel;
+    /// use pellucid_voxel::MaterialTable;
+    /// let model = MixtureModel::new(&MaterialTable::cmykw(), "white", 1.5)?;
+    /// let white: Vec<f32> = model.white_radiance().iter().map(|&v| v as f32).collect();
+    /// assert_eq!(model.viewing().relative_rgb(&white), [1.0; 3]);
+    /// # Ok::<(), pellucid_color::ColorError>(())
+    /// ```
+    pub fn viewing(&self) -> Viewing {
+        let checked =
+            MediaWhite::new(self.white_rgb).and_then(|w| Viewing::from_rows(self.to_rgb.clone(), w));
+        checked.expect("the model's rows and white were checked when it was built")
     }
 
     /// Largest component of a perfect diffuser relative to the media white, at least 1.
@@ -383,6 +395,27 @@ impl MixtureModel {
         }
         value
     }
+}
+
+/// Checks the number of materials and the rows; the white's position in label order.
+fn check(table: &MaterialTable, white: &str, to_rgb: &[Vec<f64>; 3]) -> Result<usize, ColorError> {
+    let (count, channels) = (table.len(), table.channels());
+    let label = table
+        .label_of(white)
+        .ok_or_else(|| ColorError::invalid("white", format!("no material is named {white:?}")))?;
+    if count < 2 {
+        return Err(ColorError::invalid("materials", "a mixture needs at least 2"));
+    }
+    if count > MAX_MATERIALS {
+        return Err(ColorError::unsupported(
+            format!("a mixture of {count} materials"),
+            format!("keep to {MAX_MATERIALS}"),
+        ));
+    }
+    if to_rgb.iter().any(|row| row.len() != channels || row.iter().any(|v| !v.is_finite())) {
+        return Err(ColorError::invalid("weights", format!("need {channels} finite values a row")));
+    }
+    Ok(usize::from(label) - 1)
 }
 
 #[cfg(test)]

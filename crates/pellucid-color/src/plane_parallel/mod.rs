@@ -23,6 +23,7 @@ mod quadrature;
 
 use nalgebra::{Cholesky, DMatrix, DVector, LU};
 
+use pellucid_voxel::Material;
 pub use quadrature::fresnel_internal;
 
 use crate::ColorError;
@@ -129,6 +130,37 @@ impl Solver {
     /// [`ColorError::Invalid`] outside the ranges.
     pub fn half_space(&self, albedo: f64, g: f64) -> Result<f64, ColorError> {
         self.radiance_normal(&[Layer::from_albedo(check_albedo(albedo)?, 1.0, g, f64::INFINITY)])
+    }
+
+    /// Normal radiance of a thick block of one material, by channel.
+    ///
+    /// ```
+    /// use pellucid_color::plane_parallel::Solver;
+    /// use pellucid_voxel::MaterialTable;
+    /// let table = MaterialTable::cmykw();
+    /// let cyan = Solver::new(1.5)?.thick_block(table.get(1).unwrap())?;
+    /// assert!(cyan[0] < 0.1 && cyan[2] > 0.4);
+    /// # Ok::<(), pellucid_color::ColorError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ColorError::Invalid`] naming the material where it neither scatters nor absorbs.
+    pub fn thick_block(&self, material: &Material) -> Result<Vec<f64>, ColorError> {
+        let g = f64::from(material.g);
+        material
+            .sigma_s
+            .iter()
+            .zip(&material.sigma_a)
+            .map(|(&s, &a)| {
+                let layer = Layer { sigma_s: s.into(), sigma_a: a.into(), g, thickness_mm: f64::INFINITY };
+                self.radiance_normal(&[layer]).map_err(|error| match error {
+                    ColorError::Invalid(fault) => {
+                        ColorError::invalid(format!("material {:?}", material.name), fault.to_string())
+                    }
+                    other => other,
+                })
+            })
+            .collect()
     }
 
     /// Normal radiances of one homogeneous medium at several optical thicknesses (extinction

@@ -1,0 +1,326 @@
+//! Material tables as JSON: readable files, and errors that say where and what in plain words.
+
+use std::fmt;
+
+use serde::de::{self, Deserialize, DeserializeSeed, Deserializer, SeqAccess, Visitor};
+
+use crate::{Channels, Material, MaterialTable, VoxelError};
+
+/// A finite or infinite number, said so where it is something else.
+struct Number(f64);
+
+impl<'de> Deserialize<'de> for Number {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Plain;
+        impl Visitor<'_> for Plain {
+            type Value = f64;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number")
+            }
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<f64, E> {
+                Ok(v)
+            }
+            fn visit_u64<E: de::Error>(self, v: u64) -> Result<f64, E> {
+                Ok(v as f64)
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<f64, E> {
+                Ok(v as f64)
+            }
+        }
+        deserializer.deserialize_f64(Plain).map(Number)
+    }
+}
+
+/// Names the field in an error and keeps its place: `serde_json` reads that from the end of the text.
+fn within<E: de::Error>(field: impl fmt::Display, error: impl fmt::Display) -> E {
+    E::custom(format_args!("{field}: {error}"))
+}
+
+/// A list whose errors name the field.
+struct Numbers(&'static str);
+
+impl<'de> DeserializeSeed<'de> for Numbers {
+    type Value = Vec<f32>;
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<f32>, D::Error> {
+        let field = self.0;
+        deserializer.deserialize_seq(self).map_err(|e| within(field, e))
+    }
+}
+
+impl<'de> Visitor<'de> for Numbers {
+    type Value = Vec<f32>;
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of numbers, one a channel")
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<f32>, A::Error> {
+        let mut values = Vec::new();
+        while let Some(Number(value)) = list.next_element()? {
+            values.push(value as f32);
+        }
+        Ok(values)
+    }
+}
+
+fn sigma_s<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f32>, D::Error> {
+    Numbers("sigma_s").deserialize(deserializer)
+}
+
+fn sigma_a<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f32>, D::Error> {
+    Numbers("sigma_a").deserialize(deserializer)
+}
+
+fn g<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f32, D::Error> {
+    Number::deserialize(deserializer).map(|n| n.0 as f32).map_err(|e| within("g", e))
+}
+
+fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    String::deserialize(deserializer).map_err(|e| within("name", e))
+}
+
+impl<'de> Deserialize<'de> for Material {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(expecting = "a material with name, sigma_s, sigma_a and g")]
+        struct Raw {
+            #[serde(deserialize_with = "name")]
+            name: String,
+            #[serde(deserialize_with = "sigma_s")]
+            sigma_s: Vec<f32>,
+            #[serde(deserialize_with = "sigma_a")]
+            sigma_a: Vec<f32>,
+            #[serde(deserialize_with = "g")]
+            g: f32,
+        }
+        let Raw { name, sigma_s, sigma_a, g } = Raw::deserialize(deserializer)?;
+        Ok(Self { name, sigma_s, sigma_a, g })
+    }
+}
+
+/// The list of materials; an error names the material by its place, as its name may not be read yet.
+fn materials<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Material>, D::Error> {
+    struct List;
+    impl<'de> Visitor<'de> for List {
+        type Value = Vec<Material>;
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a list of materials")
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<Material>, A::Error> {
+            let mut found = Vec::new();
+            loop {
+                let place = found.len() + 1;
+                match list.next_element().map_err(|e| within(format_args!("material {place}"), e))? {
+                    Some(material) => found.push(material),
+                    None => return Ok(found),
+                }
+            }
+        }
+    }
+    deserializer.deserialize_seq(List)
+}
+
+impl<'de> Deserialize<'de> for Channels {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(expecting = "bands with start_nm, step_nm and count")]
+        struct Bands {
+            start_nm: Number,
+            step_nm: Number,
+            count: Number,
+        }
+        #[derive(serde::Deserialize)]
+        #[serde(rename_all = "snake_case", expecting = "\"rgb\", {\"bands\": …} or {\"named\": …}")]
+        enum Raw {
+            Rgb,
+            Bands(Bands),
+            Named(Vec<String>),
+        }
+        let channels = match Raw::deserialize(deserializer).map_err(|e| within("channels", e))? {
+            Raw::Rgb => Self::Rgb,
+            Raw::Bands(Bands { start_nm, step_nm, count: Number(count) }) => {
+                if count.fract() != 0.0 || !(0.0..=f64::from(u32::MAX)).contains(&count) {
+                    return Err(within("channels, count", format_args!("{count} is no number of bands")));
+                }
+                Self::Bands { start_nm: start_nm.0, step_nm: step_nm.0, count: count as u32 }
+            }
+            Raw::Named(names) => Self::Named(names),
+        };
+        channels.checked().map_err(de::Error::custom)
+    }
+}
+
+/// A table as it stands in a file.
+#[derive(serde::Deserialize)]
+#[serde(expecting = "a material table with channel_names (or channels) and materials")]
+struct RawTable {
+    channel_names: Option<Vec<String>>,
+    channels: Option<Channels>,
+    #[serde(deserialize_with = "materials")]
+    materials: Vec<Material>,
+}
+
+impl RawTable {
+    fn checked(self) -> Result<MaterialTable, VoxelError> {
+        match (self.channel_names, self.channels) {
+            (Some(names), None) => MaterialTable::new(names, self.materials),
+            (None, Some(channels)) => MaterialTable::over(channels, self.materials),
+            (None, None) => Err(VoxelError::invalid(
+                "channel_names",
+                "missing; give names such as [\"R\", \"G\", \"B\"], or \"channels\"",
+            )),
+            (Some(_), Some(_)) => {
+                Err(VoxelError::invalid("channel_names", "given beside \"channels\"; give one of the two"))
+            }
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for MaterialTable {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        RawTable::deserialize(deserializer)?.checked().map_err(de::Error::custom)
+    }
+}
+
+impl serde::Serialize for MaterialTable {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut table = serializer.serialize_struct("MaterialTable", 2)?;
+        // Names tell what the channels are, but for wavelengths that a name would round.
+        if Channels::of_names(self.channel_names()) == *self.spectrum() {
+            table.serialize_field("channel_names", self.channel_names())?;
+        } else {
+            table.serialize_field("channels", self.spectrum())?;
+        }
+        table.serialize_field("materials", self.materials())?;
+        table.end()
+    }
+}
+
+/// Parses a table.
+pub(crate) fn parse(text: &str) -> Result<MaterialTable, VoxelError> {
+    let raw: RawTable = serde_json::from_str(text).map_err(|error| {
+        let whole = error.to_string();
+        let place = format!("line {}, column {}", error.line(), error.column());
+        let reason = whole.rfind(" at line ").map_or(whole.as_str(), |at| &whole[..at]);
+        VoxelError::invalid(place, plain(reason))
+    })?;
+    raw.checked()
+}
+
+/// The parser's words in those of people who write the file.
+fn plain(reason: &str) -> String {
+    reason
+        .replace("EOF while parsing", "the text ends within")
+        .replace("a sequence", "a list")
+        .replace("a map", "an object")
+        .replace("variant", "kind")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHIPPED: &str = include_str!("../materials/cmykw.json");
+
+    #[test]
+    fn the_shipped_file_is_the_built_in_table() {
+        assert_eq!(MaterialTable::from_json(SHIPPED).unwrap(), MaterialTable::cmykw());
+    }
+
+    fn material(channels: usize) -> Material {
+        Material { name: "white".into(), sigma_s: vec![6.0; channels], sigma_a: vec![0.1; channels], g: 0.4 }
+    }
+
+    #[test]
+    fn tables_of_any_channels_round_trip() {
+        let bands = |start_nm, step_nm, count| Channels::Bands { start_nm, step_nm, count };
+        for channels in [
+            Channels::Rgb,
+            Channels::Named(vec!["grey".into()]),
+            bands(400.0, 75.0, 5),
+            bands(400.0, 10.0, 31),
+            bands(400.0, 300.0 / 7.0, 8),
+            bands(550.0, 10.0, 1),
+            Channels::Named((0..256).map(|c| format!("c{c}")).collect()),
+        ] {
+            let table = MaterialTable::over(channels.clone(), vec![material(channels.count())]).unwrap();
+            let text = serde_json::to_string(&table).unwrap();
+            let back = MaterialTable::from_json(&text).unwrap();
+            assert_eq!(back, table, "{text}");
+            assert_eq!(back.spectrum(), &channels);
+        }
+        let text = serde_json::to_string(&MaterialTable::cmykw()).unwrap();
+        assert!(text.starts_with(r#"{"channel_names":["R","G","B"],"materials":[{"name":"cyan","#), "{text}");
+    }
+
+    #[test]
+    fn bands_may_be_told_in_words_or_names() {
+        let one = r#""materials": [{"name": "w", "sigma_s": [1, 2], "sigma_a": [0.1, 0.2], "g": 0}]"#;
+        let told =
+            format!(r#"{{"channels": {{"bands": {{"start_nm": 450, "step_nm": 100, "count": 2}}}}, {one}}}"#);
+        let named = format!(r#"{{"channel_names": ["450 nm", "550 nm"], {one}}}"#);
+        assert_eq!(MaterialTable::from_json(&told), MaterialTable::from_json(&named));
+        let table = MaterialTable::from_json(&told).unwrap();
+        assert_eq!(table.spectrum(), &Channels::Bands { start_nm: 450.0, step_nm: 100.0, count: 2 });
+    }
+
+    #[test]
+    fn errors_name_place_material_and_field_in_plain_words() {
+        let change = |from: &str, to: &str| {
+            assert!(SHIPPED.contains(from), "{from}");
+            MaterialTable::from_json(&SHIPPED.replacen(from, to, 1)).unwrap_err().to_string()
+        };
+        for (from, to, parts) in [
+            ("8.55", "\"8.55\"", &["line 4, column", "material 1", "sigma_a", "a number"][..]),
+            ("[2.45, 0.3, 9.0]", "2.45", &["line 5", "material 2", "sigma_s", "a list of numbers"]),
+            ("\"g\": 0.4", "\"g\": null", &["line 4", "material 1", "g: ", "a number"]),
+            ("\"sigma_s\"", "\"sigma\"", &["line 4", "material 1", "missing field `sigma_s`"]),
+            ("\"cyan\"", "7", &["line 4", "material 1", "name", "a string"]),
+            ("\"channel_names\": [\"R\", \"G\", \"B\"],", "", &["channel_names", "missing"]),
+            ("\"channel_names\"", "\"channels\": \"rgb\", \"channel_names\"", &["one of the two"]),
+            ("[\"R\", \"G\", \"B\"]", "3", &["line 2", "a list"]),
+            ("0.45, ", "", &["material \"cyan\", sigma_s", "2 values for 3 channels"]),
+            ("0.45", "-0.45", &["material \"cyan\", sigma_s", "-0.45", "at least 0"]),
+            ("\"magenta\"", "\"cyan\"", &["material \"cyan\"", "used twice"]),
+            ("\"g\": 0.4", "\"g\": 1", &["material \"cyan\", g", "-0.99 to 0.99"]),
+            ("\"materials\": [", "\"materials\": {", &["line 3", "materials"]),
+        ] {
+            let text = change(from, to);
+            assert!(parts.iter().all(|part| text.contains(part)), "{from} -> {to}: {text}");
+            for rust in ["f32", "f64", "u32", "usize", "struct", "sequence", "EOF", "variant"] {
+                assert!(!text.contains(rust), "{text}");
+            }
+        }
+        let cut = MaterialTable::from_json(&SHIPPED[..200]).unwrap_err().to_string();
+        assert!(cut.contains("the text ends within") && cut.contains("line 5"), "{cut}");
+        for bands in [
+            r#"{"bands": {"start_nm": 400, "step_nm": 10, "count": 2.5}}"#,
+            r#"{"bands": {"start_nm": 400, "step_nm": 10, "count": -1}}"#,
+            r#"{"bands": {"start_nm": "a", "step_nm": 10, "count": 3}}"#,
+            r#"{"bands": {"start_nm": 400, "count": 3}}"#,
+            r#"{"spectrum": 3}"#,
+            "7",
+        ] {
+            let text = format!(r#"{{"channels": {bands}, "materials": []}}"#);
+            let error = MaterialTable::from_json(&text).unwrap_err().to_string();
+            assert!(error.contains("line 1") && error.contains("channels"), "{error}");
+            for rust in ["f64", "u32", "struct", "enum"] {
+                assert!(!error.contains(rust), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn files_are_named_in_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("inks.json");
+        let error = MaterialTable::load(&path).unwrap_err();
+        assert!(matches!(&error, VoxelError::Io(e) if e.path == path), "{error}");
+        std::fs::write(&path, SHIPPED.replacen("0.45", "-1", 1)).unwrap();
+        let error = MaterialTable::load(&path).unwrap_err().to_string();
+        assert!(error.contains("inks.json") && error.contains("cyan"), "{error}");
+        std::fs::write(&path, SHIPPED).unwrap();
+        assert_eq!(MaterialTable::load(&path).unwrap(), MaterialTable::cmykw());
+        std::fs::write(&path, vec![b' '; MaterialTable::MAX_FILE_BYTES as usize + 1]).unwrap();
+        assert!(matches!(MaterialTable::load(&path), Err(VoxelError::Io(_))));
+    }
+}
