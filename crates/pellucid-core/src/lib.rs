@@ -7,6 +7,7 @@
 //! | [`files`] | reading no more than a bound, writing whole or not at all |
 //! | [`random`] | numbers addressed by seed, domain, item and sample |
 //! | [`instruction_set`] | which vector instructions are used, and how to force fewer |
+//! | [`staging`] | output folders that appear complete or not at all |
 //! | [`stats`] | statistics of errors: [`ErrorStats`], [`NoisyScore`] |
 #![forbid(unsafe_code)]
 
@@ -15,6 +16,7 @@ pub mod fault;
 pub mod files;
 pub mod instruction_set;
 pub mod random;
+pub mod staging;
 pub mod stats;
 
 pub use control::{Cancelled, Control, Progress};
