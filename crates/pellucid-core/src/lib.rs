@@ -9,6 +9,7 @@
 //! | `json` | errors of JSON files in plain words (feature `json`) |
 //! | [`random`] | numbers addressed by seed, domain, item and sample |
 //! | [`instruction_set`] | which vector instructions are used, and how to force fewer |
+//! | [`staging`] | output folders that appear complete or not at all |
 //! | [`stats`] | statistics of errors: [`ErrorStats`], [`NoisyScore`] |
 #![forbid(unsafe_code)]
 
@@ -20,6 +21,7 @@ pub mod instruction_set;
 #[cfg(feature = "json")]
 pub mod json;
 pub mod random;
+pub mod staging;
 pub mod stats;
 
 pub use control::{Cancelled, Control, Progress};
