@@ -33,6 +33,9 @@ pub enum PrintError {
     /// Slices could not be written.
     #[error(transparent)]
     Slice(#[from] pellucid_slice::SliceError),
+    /// The proof could not be made or written.
+    #[error(transparent)]
+    Proof(#[from] pellucid_proof::ProofError),
     /// A file could not be written.
     #[error("{path}: {reason}")]
     Io {
@@ -61,6 +64,7 @@ impl PrintError {
                 | Self::Predict(pellucid_refine::PredictError::Cancelled)
                 | Self::Refine(pellucid_refine::RefineError::Cancelled)
                 | Self::Slice(pellucid_slice::SliceError::Cancelled)
+                | Self::Proof(pellucid_proof::ProofError::Cancelled)
         )
     }
 

@@ -9,11 +9,10 @@ use pellucid_color::mixture::table::DEFAULT_NODES;
 use pellucid_color::{Gamut, MatchOptions, MixtureModel};
 use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
 use pellucid_mesh::{MeshReport, Model, surface_colors};
+use pellucid_proof::{View, Visibility};
 use pellucid_refine::{AppearancePredictor, GamutInk, RefineError, RefineInput, Scene, refine};
 use pellucid_trace::TraceOptions;
-use pellucid_voxel::{
-    Control, LabelGrid, NearestSurface, Surface, SurfaceOptions, VoxelError, local_thickness_mm,
-};
+use pellucid_voxel::{Control, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
 
 #[cfg(feature = "rpnn")]
 use pellucid_rpnn::Precision;
@@ -24,7 +23,6 @@ use crate::evaluate::{self, Judge};
 use crate::predictor::MonteCarlo;
 #[cfg(feature = "rpnn")]
 use crate::predictor::{Corrected, Correction, Rpnn};
-use crate::proof::{View, Visibility};
 use crate::report::{Report, StageTime, Thinness};
 use crate::stage::{Observer, Stage};
 use crate::{PredictorKind, PrintError, PrintSettings};
@@ -75,7 +73,7 @@ pub struct ProofView {
     /// The view's name.
     pub name: String,
     /// Target, unrefined and refined appearance.
-    pub pictures: [crate::proof::Picture; 3],
+    pub pictures: [pellucid_proof::Picture; 3],
 }
 
 /// The loop's predictor.
@@ -330,7 +328,7 @@ impl PrintJob {
             .map(|v| {
                 Visibility::trace(refined, judge.surface, v, self.settings.proof_edge, &control.silent())
             })
-            .collect::<Result<Vec<_>, VoxelError>>()?;
+            .collect::<Result<Vec<_>, _>>()?;
         let mut points: Vec<u32> = seen.iter().flat_map(Visibility::visible_points).collect();
         points.sort_unstable();
         points.dedup();
@@ -343,8 +341,9 @@ impl PrintJob {
             .into_iter()
             .zip(seen)
             .map(|(view, seen)| {
-                let pictures = [seen.shade(target)?, seen.shade(&before)?, seen.shade(&after)?];
-                Ok(ProofView { name: view.name, pictures })
+                let shade = |colors: &[[f32; 3]]| seen.shade(colors, &control.silent());
+                let pictures = [shade(target)?, shade(&before)?, shade(&after)?];
+                Ok(ProofView { name: view.name().to_owned(), pictures })
             })
             .collect()
     }
@@ -359,7 +358,11 @@ impl Prepared {
 
 #[cfg(not(feature = "weights"))]
 fn no_network(remedy: &str) -> PrintError {
-    VoxelError::unsupported("predictor", format!("this build carries no network weights; {remedy}")).into()
+    pellucid_voxel::VoxelError::unsupported(
+        "predictor",
+        format!("this build carries no network weights; {remedy}"),
+    )
+    .into()
 }
 
 fn mesh_warnings(mesh: &MeshReport, clock: &Clock<'_>) {

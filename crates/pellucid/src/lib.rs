@@ -23,6 +23,8 @@ pub use pellucid_color as color;
 pub use pellucid_dataset as dataset;
 #[cfg(feature = "mesh")]
 pub use pellucid_mesh as mesh;
+#[cfg(feature = "proof")]
+pub use pellucid_proof as proof;
 #[cfg(feature = "refine")]
 pub use pellucid_refine as refine;
 #[cfg(feature = "rpnn")]
@@ -46,8 +48,6 @@ pub mod job;
 mod output;
 #[cfg(any(feature = "mc", feature = "rpnn"))]
 pub mod predictor;
-#[cfg(feature = "proof")]
-pub mod proof;
 #[cfg(feature = "job")]
 pub mod report;
 #[cfg(feature = "job")]

@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use pellucid_core::Control;
+use pellucid_proof::{Picture, contact_sheet, write_exr};
 use pellucid_slice::{ExportSettings, StagedDir, write_stack};
 use serde_json::{Map, Value, json};
 
 use crate::PrintError;
 use crate::clock::Clock;
 use crate::job::Prepared;
-use crate::proof::{contact_sheet, write_exr};
 use crate::report::{Report, peak_memory_bytes};
 use crate::stage::{Observer, Stage};
 
@@ -48,7 +49,7 @@ impl Prepared {
                 c,
             )
         })?;
-        self.write_proof(staged.path())?;
+        self.write_proof(staged.path(), &Control::none().with_cancel(cancel))?;
 
         let mut report = self.report;
         report.stages = self.times;
@@ -62,17 +63,15 @@ impl Prepared {
         Ok(report)
     }
 
-    fn write_proof(&self, dir: &Path) -> Result<(), PrintError> {
+    fn write_proof(&self, dir: &Path, control: &Control<'_>) -> Result<(), PrintError> {
         let rows: Vec<Vec<_>> = self.views.iter().map(|v| v.pictures.to_vec()).collect();
-        let path = dir.join("proof.png");
-        contact_sheet(&rows).save(&path).map_err(|e| PrintError::io(&path, e))?;
-        let layers: Vec<(String, &crate::proof::Picture)> = self
+        contact_sheet(&rows, control)?.write_png(dir.join("proof.png"), control)?;
+        let layers: Vec<(String, &Picture)> = self
             .views
             .iter()
             .flat_map(|v| COLUMNS.iter().zip(&v.pictures).map(|(c, p)| (format!("{c}.{}", v.name), p)))
             .collect();
-        let path = dir.join("proof.exr");
-        write_exr(&path, &layers).map_err(|e| PrintError::io(&path, e))
+        Ok(write_exr(dir.join("proof.exr"), &layers, control)?)
     }
 
     /// What decided the labels, for the manifest.
