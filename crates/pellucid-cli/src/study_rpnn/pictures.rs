@@ -59,7 +59,7 @@ pub fn draw(
     let spread = |colour: &dyn Fn(usize) -> [f32; 3]| {
         let mut all = vec![[0.0; 3]; surface.len()];
         points.iter().enumerate().for_each(|(i, &p)| all[p as usize] = colour(i));
-        seen.shade(&all)
+        seen.shade(&all, control)
     };
     let appearance =
         |values: &[f32]| spread(&|i| std::array::from_fn(|c| values[3 * i + c] / white[c] as f32));
@@ -75,9 +75,6 @@ pub fn draw(
         .iter()
         .map(|predicted| Ok(vec![appearance(&reference)?, appearance(predicted)?, error(predicted)?]))
         .collect::<Result<Vec<_>, Error>>()?;
-    let sheet = contact_sheet(&rows);
-    let temporary = path.with_extension("tmp.png");
-    sheet.save(&temporary).map_err(|e| format!("{}: {e}", temporary.display()))?;
-    std::fs::rename(&temporary, path)?;
+    contact_sheet(&rows, control)?.write_png(path, control)?;
     Ok(())
 }
