@@ -1,7 +1,6 @@
 //! The colour crate's gamut as an ink model.
 
-use pellucid_color::space::{Lab, lab_of_linear_rgb};
-use pellucid_color::{Gamut, delta_e_2000};
+use pellucid_color::{Fractions, Gamut, Xyz};
 use pellucid_voxel::MaterialTable;
 
 use crate::InkModel;
@@ -18,9 +17,8 @@ impl<'a> GamutInk<'a> {
     pub fn new(gamut: &'a Gamut, materials: &MaterialTable) -> Self {
         let model = gamut.model();
         let luminance = |label: u8| {
-            let pure = pellucid_color::Fractions::pure(usize::from(label) - 1, model.materials());
-            let [r, g, b] = model.relative_rgb(&pure);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
+            let pure = Fractions::pure(usize::from(label) - 1, model.materials());
+            Xyz::from_linear_rgb(model.relative_rgb(&pure)).y
         };
         let white = model.white() as u8 + 1;
         let mut labels: Vec<u8> =
@@ -34,10 +32,6 @@ impl<'a> GamutInk<'a> {
 impl InkModel for GamutInk<'_> {
     fn labels(&self) -> &[u8] {
         &self.labels
-    }
-
-    fn media_white(&self) -> [f32; 3] {
-        self.gamut.model().media_white().map(|v| v as f32)
     }
 
     fn fractions(&self, rgb: [f32; 3], fractions: &mut [f32]) -> [f32; 3] {
@@ -54,16 +48,5 @@ impl InkModel for GamutInk<'_> {
             ordered[usize::from(label) - 1] = fraction;
         }
         self.gamut.model().relative_rgb(&ordered[..self.labels.len()]).map(|v| v as f32)
-    }
-
-    fn lab(&self, rgb: [f32; 3]) -> [f32; 3] {
-        let mut out = [[0.0; 3]];
-        lab_of_linear_rgb(&[rgb], &mut out);
-        out[0]
-    }
-
-    fn delta_e(&self, a: [f32; 3], b: [f32; 3]) -> f32 {
-        let lab = |v: [f32; 3]| Lab { l: f64::from(v[0]), a: f64::from(v[1]), b: f64::from(v[2]) };
-        delta_e_2000(lab(a), lab(b)) as f32
     }
 }
