@@ -2,7 +2,6 @@
 
 use pellucid_core::{Cancelled, Fault};
 use pellucid_predict::PredictError;
-use pellucid_voxel::VoxelError;
 
 /// What can go wrong in a refinement.
 #[derive(Debug, thiserror::Error)]
@@ -23,7 +22,10 @@ pub enum RefineError {
         #[source]
         source: PredictError,
     },
-    /// The caller asked for the work to stop.
+    /// The appearance predictor failed while labels were judged.
+    #[error("prediction of the judged labels")]
+    Judge(#[source] PredictError),
+    /// The caller asked for the work to stop. What labels hold then is said where they are handed over.
     #[error("cancelled")]
     Cancelled,
 }
@@ -46,21 +48,18 @@ impl RefineError {
             source => Self::Predict { iteration, source },
         }
     }
+
+    /// A predictor's error while labels are judged; cancellation stays cancellation.
+    pub fn judge(source: PredictError) -> Self {
+        match source {
+            PredictError::Cancelled => Self::Cancelled,
+            source => Self::Judge(source),
+        }
+    }
 }
 
 impl From<Cancelled> for RefineError {
     fn from(_: Cancelled) -> Self {
         Self::Cancelled
-    }
-}
-
-impl From<VoxelError> for RefineError {
-    fn from(error: VoxelError) -> Self {
-        match error {
-            VoxelError::Cancelled => Self::Cancelled,
-            VoxelError::Unsupported(fault) => Self::Unsupported(fault),
-            VoxelError::Invalid(fault) => Self::Invalid(fault),
-            other => Self::invalid("voxel data", other.to_string()),
-        }
     }
 }

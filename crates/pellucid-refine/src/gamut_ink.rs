@@ -1,24 +1,23 @@
 //! The colour crate's gamut as an ink model.
 
-use pellucid_color::space::{self, Lab, lab_of_linear_rgb};
-use pellucid_color::{Gamut, delta_e_2000};
+use pellucid_color::{Fractions, Gamut, space};
 use pellucid_voxel::MaterialTable;
 
 use crate::InkModel;
 
 /// A [`Gamut`] with its materials in halftone order: darkest first, white last, so that the union of the
 /// darkest few is as evenly spread as each alone.
-pub struct GamutInk<'a> {
-    gamut: &'a Gamut,
+pub struct GamutInk {
+    gamut: Gamut,
     labels: Vec<u8>,
 }
 
-impl<'a> GamutInk<'a> {
+impl GamutInk {
     /// Orders the materials that `gamut` was built of by the luminance of a thick block.
-    pub fn new(gamut: &'a Gamut, materials: &MaterialTable) -> Self {
+    pub fn new(gamut: Gamut, materials: &MaterialTable) -> Self {
         let model = gamut.model();
         let luminance = |label: u8| {
-            let pure = pellucid_color::Fractions::pure(usize::from(label) - 1, model.materials());
+            let pure = Fractions::pure(usize::from(label) - 1, model.materials());
             space::luminance(model.relative_rgb(&pure))
         };
         let white = model.white() as u8 + 1;
@@ -30,13 +29,9 @@ impl<'a> GamutInk<'a> {
     }
 }
 
-impl InkModel for GamutInk<'_> {
+impl InkModel for GamutInk {
     fn labels(&self) -> &[u8] {
         &self.labels
-    }
-
-    fn media_white(&self) -> [f32; 3] {
-        self.gamut.model().media_white().map(|v| v as f32)
     }
 
     fn fractions(&self, rgb: [f32; 3], fractions: &mut [f32]) -> [f32; 3] {
@@ -53,16 +48,5 @@ impl InkModel for GamutInk<'_> {
             ordered[usize::from(label) - 1] = fraction;
         }
         self.gamut.model().relative_rgb(&ordered[..self.labels.len()]).map(|v| v as f32)
-    }
-
-    fn lab(&self, rgb: [f32; 3]) -> [f32; 3] {
-        let mut out = [[0.0; 3]];
-        lab_of_linear_rgb(&[rgb], &mut out);
-        out[0]
-    }
-
-    fn delta_e(&self, a: [f32; 3], b: [f32; 3]) -> f32 {
-        let lab = |v: [f32; 3]| Lab { l: f64::from(v[0]), a: f64::from(v[1]), b: f64::from(v[2]) };
-        delta_e_2000(lab(a), lab(b)) as f32
     }
 }

@@ -2,11 +2,8 @@
 
 /// Relates media-relative linear RGB (print white = 1) and volume fractions of materials.
 pub trait InkModel: Sync {
-    /// The labels that carry fractions, in halftone order: most absorbing first, white last.
+    /// The labels that carry fractions, 2 to 16 of them, in halftone order: most absorbing first, white last.
     fn labels(&self) -> &[u8];
-
-    /// Absolute linear RGB radiance of a thick block of white: what media-relative 1 stands for.
-    fn media_white(&self) -> [f32; 3];
 
     /// Writes the volume fractions (one per label of [`InkModel::labels`], each at least 0, sum 1)
     /// of the printable colour nearest to `rgb` and returns that colour. Defined for every finite
@@ -15,10 +12,4 @@ pub trait InkModel: Sync {
 
     /// The media-relative linear RGB of a mixture, one fraction per label of [`InkModel::labels`].
     fn color(&self, fractions: &[f32]) -> [f32; 3];
-
-    /// CIELAB of media-relative linear RGB, the media white being L* = 100.
-    fn lab(&self, rgb: [f32; 3]) -> [f32; 3];
-
-    /// CIEDE2000 difference of two CIELAB colours.
-    fn delta_e(&self, a: [f32; 3], b: [f32; 3]) -> f32;
 }

@@ -1,41 +1,27 @@
-//! The loop: predict, compare, correct, halftone (Rittig et al. 2021, Figure 3; Sumin et al. 2019).
+//! The loop: halftone, predict, compare, correct (Rittig et al. 2021, Figure 3), a step at a time.
 
 use std::time::Instant;
 
-use pellucid_voxel::{AIR, Control, LabelGrid, MaterialTable, NearestSurface, Surface};
+use pellucid_core::{Control, ErrorStats};
+use pellucid_halftone::BlueNoiseMask;
+use pellucid_predict::{BoundPredictor, Changed, Diagnostics, Draw, Learned, Pass};
+use pellucid_voxel::LabelGrid;
 use rayon::prelude::*;
 
-use crate::demand::{Demand, MAX_LABELS, Plan};
-use crate::halftone::{Changes, Halftone};
+use crate::difference::{differences, lab_of};
+use crate::halftone::{Changes, halftone};
 use crate::layers::Layers;
-use crate::smoothing::Smoother;
 use crate::{
-    AppearancePredictor, BlueNoiseMask, ErrorStats, InkModel, IterationReport, RefineError, RefineReport,
-    RefineSettings, Scene,
+    IterationReport, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
+    Strategy, SurfaceSmoother,
 };
 
 /// CIEDE2000 by which a target must be moved to count as out of gamut.
 const OUT_OF_GAMUT: f32 = 1.0;
 
-/// What is refined towards what.
-#[derive(Clone, Copy)]
-pub struct RefineInput<'a> {
-    /// Surface voxels of the grid.
-    pub surface: &'a Surface,
-    /// The nearest surface voxel of each voxel, at least to the coloured depth.
-    pub nearest: &'a NearestSurface,
-    /// Coefficients of the labels, over R, G and B.
-    pub materials: &'a MaterialTable,
-    /// Printable colours and their mixtures.
-    pub ink: &'a dyn InkModel,
-    /// The texture's colour at each surface voxel, linear RGB relative to the ink model's white.
-    pub target: &'a [[f32; 3]],
-    /// The target brought within reach of gamut and thickness, which the loop aims at.
-    pub aim: &'a [[f32; 3]],
-}
-
 /// A finished refinement.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Refined {
     /// The halftone before the first correction.
     pub unrefined: LabelGrid,
@@ -43,170 +29,408 @@ pub struct Refined {
     pub report: RefineReport,
 }
 
-/// Rearranges the materials of `grid` until its predicted appearance comes close to the aim.
+/// A refinement in progress: made by [`Refinement::new`] or [`Refinement::resume`], moved by [`Refinement::step`],
+/// ended by [`Refinement::finish`]; between steps [`Refinement::save`] gives what a later process resumes from.
 ///
-/// `grid` is solid, of any labels; those within the coloured depth are replaced by a halftone, deeper ones
-/// stay. Iteration 0 is the aim extruded through the coloured depth. In each further iteration the predicted
-/// lack is added to the demand, surface-first with overflow deeper, and halftoned again: the aim's own
-/// mixture is kept near the surface only, and what the loop adds decides how deep colour goes. On success
-/// `grid` holds the iterate with the least smoothed mean CIEDE2000 to the aim. The result does not depend on
-/// the number of threads.
-///
-/// # Errors
-/// [`RefineError::Invalid`] when settings are out of range, inputs do not fit together, or the predictor
-/// returns values that are not finite; [`RefineError::Predict`]; [`RefineError::Cancelled`]. After an error
-/// in the loop `grid` holds some iterate.
-pub fn refine(
-    grid: &mut LabelGrid,
-    input: &RefineInput<'_>,
-    predictor: &mut dyn AppearancePredictor,
-    settings: &RefineSettings,
-    control: &Control<'_>,
-) -> Result<Refined, RefineError> {
-    settings.check()?;
-    check_input(grid, input, settings)?;
-    let RefineInput { surface, nearest, materials, ink, target, aim } = *input;
-    let raw_lab: Vec<[f32; 3]> = target.par_iter().map(|&t| ink.lab(t)).collect();
-    let aim_lab: Vec<[f32; 3]> = aim.par_iter().map(|&t| ink.lab(t)).collect();
-    let out_of_gamut =
-        raw_lab.par_iter().zip(&aim_lab).filter(|(r, m)| ink.delta_e(**r, **m) > OUT_OF_GAMUT).count();
+/// Labels follow from the strategy's state, so the value holds none: the caller's labels, solid where the object is,
+/// are halftoned anew in each step. A job that was saved and resumed after any step ends with the same labels and
+/// errors as one that was not, and neither depends on the number of threads.
+pub struct Refinement<'a, S: Strategy> {
+    setup: Setup<'a>,
+    strategy: S,
+    settings: RefineSettings,
+    mask: BlueNoiseMask,
+    smoother: SurfaceSmoother,
+    target_lab: Vec<[f32; 3]>,
+    printable_lab: Vec<[f32; 3]>,
+    /// The next iteration, or one past the last.
+    iteration: u32,
+    /// Of the next iteration; of the last one once all are done.
+    state: S::State,
+    /// Of the best iteration so far.
+    best: Option<S::State>,
+    report: RefineReport,
+    memory: Learned,
+    /// The iteration whose labels the caller and the predictor have, when nothing failed since.
+    held: Option<u32>,
+}
 
-    let layers = Layers::new(settings.coloured_depth_mm, settings.layers);
-    let available = layers.available(surface, nearest, grid.tile_dims());
-    let plan = |iteration: u32| Plan {
-        layers: &layers,
-        available: &available,
-        based: if iteration == 0 { layers.len() } else { layers.above(settings.base_mm).max(1) },
-        veiled: if iteration == 0 { 0 } else { layers.above(settings.veil_mm) },
-    };
-    let mask = BlueNoiseMask::new(grid.frame().pitch(), settings.seed);
-    let halftone = Halftone { surface, nearest, ink, mask: &mask };
-    let smoother = Smoother::new(surface, settings.residual_blur_mm, &control.silent())?;
-    let points: Vec<u32> = (0..surface.len() as u32).collect();
-    let mut demand = Demand::new(aim);
-    let mut report = RefineReport {
-        predictor: predictor.name().to_owned(),
-        surface_voxels: surface.len() as u64,
-        out_of_gamut: out_of_gamut as f64 / surface.len().max(1) as f64,
-        ..RefineReport::default()
-    };
-    let white = ink.media_white();
-    let steps = u64::from(settings.iterations) + 1;
-    let mut unrefined = None;
-    let mut best: Option<(f64, Demand)> = None;
-    let mut radiance = vec![0.0f32; surface.len() * 3];
-    for iteration in 0..=settings.iterations {
-        let start = Instant::now();
-        let Changes { tiles, voxels, unspent } =
-            halftone.apply(grid, &demand, &plan(iteration), &control.silent())?;
-        let halftone_seconds = start.elapsed().as_secs_f64();
-        if iteration == 0 {
-            unrefined = Some(grid.clone());
-        } else {
-            predictor.tiles_changed(&tiles);
+/// What a prediction says of an iterate.
+struct Shown {
+    radiance: Vec<f32>,
+    shown: Vec<[f32; 3]>,
+    smoothed: Vec<[f32; 3]>,
+}
+
+impl<'a, S: Strategy> Refinement<'a, S> {
+    /// Checks everything and prepares layers, mask and smoothing.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when a setting is out of range or the problem's parts do not fit together;
+    /// [`RefineError::Cancelled`].
+    pub fn new(
+        problem: Problem<'a>,
+        strategy: S,
+        settings: RefineSettings,
+        control: &Control<'_>,
+    ) -> Result<Self, RefineError> {
+        settings.check()?;
+        strategy.check()?;
+        problem.check(settings.coloured_depth_mm)?;
+        let surface = problem.object.surface();
+        let control = &control.silent();
+        let layers =
+            Layers::find(settings.coloured_depth_mm, settings.layers, surface, problem.nearest, control)?;
+        let mask = BlueNoiseMask::new(surface.frame().pitch(), settings.seed, control)?;
+        let smoother = SurfaceSmoother::new(surface, settings.residual_blur_mm, control)?;
+        let (target_lab, printable_lab) = (lab_of(problem.target), lab_of(problem.printable_target));
+        let moved = differences(&target_lab, &printable_lab);
+        let outside = moved.iter().filter(|&&d| d > OUT_OF_GAMUT).count();
+        let report = RefineReport {
+            strategy: strategy.name().to_owned(),
+            surface_voxels: surface.len() as u64,
+            out_of_gamut: outside as f64 / surface.len().max(1) as f64,
+            ..RefineReport::default()
+        };
+        let setup = Setup { problem, layers, points: problem.object.points(), seed: settings.seed };
+        let state = strategy.start(&setup);
+        Ok(Self {
+            setup,
+            strategy,
+            settings,
+            mask,
+            smoother,
+            target_lab,
+            printable_lab,
+            iteration: 0,
+            state,
+            best: None,
+            report,
+            memory: Learned::default(),
+            held: None,
+        })
+    }
+
+    /// Goes on where [`Refinement::save`] was called, with a solid grid of any labels and a newly bound predictor.
+    ///
+    /// # Errors
+    /// As [`Refinement::new`]; [`RefineError::Invalid`] naming the difference when the saved value is of another object,
+    /// other targets, another strategy or other settings, or damaged.
+    pub fn resume(
+        problem: Problem<'a>,
+        strategy: S,
+        settings: RefineSettings,
+        saved: Saved<S::State>,
+        control: &Control<'_>,
+    ) -> Result<Self, RefineError> {
+        let mut refinement = Self::new(problem, strategy, settings, control)?;
+        refinement.check_saved(&saved)?;
+        refinement.iteration = saved.iteration;
+        refinement.state = saved.state;
+        refinement.best = saved.best;
+        refinement.report = saved.report;
+        refinement.memory = saved.memory;
+        Ok(refinement)
+    }
+
+    /// The next iteration; one more than [`RefineSettings::iterations`] when all are done.
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+
+    /// True when all iterations are done.
+    pub fn is_finished(&self) -> bool {
+        self.iteration > self.settings.iterations
+    }
+
+    /// What happened so far.
+    pub fn report(&self) -> &RefineReport {
+        &self.report
+    }
+
+    /// What stays: problem, layers, points.
+    pub fn setup(&self) -> &Setup<'a> {
+        &self.setup
+    }
+
+    /// The state of the next iteration.
+    pub fn state(&self) -> &S::State {
+        &self.state
+    }
+
+    /// What [`Refinement::resume`] needs.
+    pub fn save(&self) -> Saved<S::State> {
+        let settings = self.strategy.settings();
+        Saved {
+            strategy: self.strategy.name().to_owned(),
+            strategy_settings: settings.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+            settings: self.settings.clone(),
+            object: self.setup.problem.object.id().0,
+            colors: self.setup.problem.colors_digest(),
+            iteration: self.iteration,
+            state: self.state.clone(),
+            best: self.best.clone(),
+            report: self.report.clone(),
+            memory: self.memory.clone(),
         }
+    }
+
+    /// One iteration: halftones `labels`, predicts every surface voxel, and, unless it is the last iteration, moves the
+    /// state. Iteration 0 is the unrefined halftone. Progress counts over all iterations.
+    ///
+    /// `labels` are solid where the object is; those within the coloured depth are replaced, deeper ones stay. Hand over
+    /// the same labels and the same predictor in each step: the predictor is told which tiles changed since the last.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when all iterations are done, the labels lie in another frame, or a prediction is not
+    /// finite; [`RefineError::Predict`]; [`RefineError::Cancelled`]. The refinement is then as it was before the step,
+    /// which may be repeated with the same result. The labels may be a mixture by tiles of what they were and of this
+    /// iteration's halftone: printable, but of no one iterate. The next step, or [`Refinement::finish`], halftones them
+    /// anew.
+    pub fn step(
+        &mut self,
+        labels: &mut LabelGrid,
+        bound: &mut dyn BoundPredictor,
+        control: &Control<'_>,
+    ) -> Result<&IterationReport, RefineError> {
+        if self.is_finished() {
+            return Err(RefineError::invalid("step", "all iterations are done; finish the refinement"));
+        }
+        self.check_labels(labels)?;
+        let held = self.held.take();
+        let iteration = self.iteration;
+
         let start = Instant::now();
-        let done = u64::from(iteration);
+        let Planned { mixtures, overflow } =
+            self.strategy.mixtures(&self.setup, &self.state, &control.silent())?;
+        let changes = halftone(labels, mixtures.as_ref(), &self.setup, &self.mask, control)?;
+        drop(mixtures);
+        let halftone_seconds = start.elapsed().as_secs_f64();
+
+        let start = Instant::now();
+        let changed = held.map_or(Changed::Unknown, |_| Changed::Tiles(&changes.tiles));
+        let (radiance, diagnostics) = self.predict(labels, changed, bound, control)?;
+        let predict_seconds = start.elapsed().as_secs_f64();
+        let shown = self.compare(radiance, control)?;
+        let mut report = self.errors(&shown);
+        (report.halftone_seconds, report.predict_seconds) = (halftone_seconds, predict_seconds);
+        report.count(&changes, &diagnostics);
+
+        let next = if iteration < self.settings.iterations {
+            let mut next = self.state.clone();
+            let seen = Seen {
+                iteration,
+                radiance: &shown.radiance,
+                shown: &shown.shown,
+                smoothed: &shown.smoothed,
+                overflow: &overflow,
+                labels,
+                bound: &*bound,
+                draw: self.draw(iteration),
+            };
+            self.strategy.update(&self.setup, &mut next, &seen, &control.silent())?;
+            Some(next)
+        } else {
+            None
+        };
+        // The last that can fail: a pass is taken in once, and what follows completes the step.
+        bound.absorb(&diagnostics.learned).map_err(|e| RefineError::predict(iteration, e))?;
+        self.memory = bound.memory();
+        Ok(self.complete(report, next))
+    }
+
+    /// Ends the refinement: `labels`, those of the last step or any solid ones, become the best iterate's. May be called
+    /// after any step.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] before the first step or when the labels lie in another frame;
+    /// [`RefineError::Cancelled`]: the labels may then be a mixture by tiles of two iterates.
+    pub fn finish(self, labels: &mut LabelGrid, control: &Control<'_>) -> Result<Refined, RefineError> {
+        self.check_labels(labels)?;
+        let Some(best) = &self.best else {
+            return Err(RefineError::invalid("finish", "no iteration is done yet"));
+        };
+        // The last prediction judged the last labels; an earlier best is halftoned again.
+        if self.held != Some(self.report.best) {
+            self.halftone(best, labels, control)?;
+        }
+        let unrefined = self.unrefined(labels, control)?;
+        Ok(Refined { unrefined, report: self.report })
+    }
+
+    /// The halftone before the first correction: the labels of iteration 0, on top of `labels`.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when the labels lie in another frame; [`RefineError::Cancelled`].
+    pub fn unrefined(&self, labels: &LabelGrid, control: &Control<'_>) -> Result<LabelGrid, RefineError> {
+        self.check_labels(labels)?;
+        let mut unrefined = labels.clone();
+        self.halftone(&self.strategy.start(&self.setup), &mut unrefined, control)?;
+        Ok(unrefined)
+    }
+
+    fn halftone(
+        &self,
+        state: &S::State,
+        labels: &mut LabelGrid,
+        control: &Control<'_>,
+    ) -> Result<(), RefineError> {
+        let control = &control.silent();
+        let planned = self.strategy.mixtures(&self.setup, state, control)?;
+        halftone(labels, planned.mixtures.as_ref(), &self.setup, &self.mask, control)?;
+        Ok(())
+    }
+
+    fn draw(&self, iteration: u32) -> Draw {
+        Draw::new(self.settings.seed, Pass::Loop(iteration))
+    }
+
+    fn predict(
+        &self,
+        labels: &LabelGrid,
+        changed: Changed<'_>,
+        bound: &mut dyn BoundPredictor,
+        control: &Control<'_>,
+    ) -> Result<(Vec<f32>, Diagnostics), RefineError> {
+        let iteration = self.iteration;
+        let failed = |e| RefineError::predict(iteration, e);
+        let (done, steps) = (u64::from(iteration), u64::from(self.settings.iterations) + 1);
         let progress =
             |part: u64, total: u64| control.report(done * total.max(1) + part, steps * total.max(1));
-        let inner = control.silent().with_progress(&progress);
-        let scene = Scene { grid, surface, materials };
-        predictor
-            .predict(&scene, &points, iteration, &mut radiance, &inner)
-            .map_err(|e| RefineError::predict(iteration, e))?;
-        let predict_seconds = start.elapsed().as_secs_f64();
+        if !self.memory.is_empty() {
+            bound.absorb(&self.memory).map_err(failed)?;
+        }
+        bound.update(labels, changed, &control.silent()).map_err(failed)?;
+        let mut radiance = vec![0.0f32; self.setup.points.len() * self.setup.problem.viewing.channels()];
+        let control = control.silent().with_progress(&progress);
+        let diagnostics = bound
+            .predict(&self.setup.points, self.draw(iteration), &mut radiance, &control)
+            .map_err(failed)?;
         if radiance.par_iter().any(|v| !v.is_finite()) {
             return Err(RefineError::invalid("prediction", "a radiance is not finite"));
         }
-        let relative: Vec<[f32; 3]> =
-            radiance.par_chunks_exact(3).map(|l| std::array::from_fn(|c| l[c] / white[c])).collect();
-        let lab: Vec<[f32; 3]> = relative.par_iter().map(|&r| ink.lab(r)).collect();
-        let errors = |to: &[[f32; 3]]| {
-            ErrorStats::of(lab.par_iter().zip(to).map(|(a, b)| ink.delta_e(*a, *b)).collect())
-        };
+        Ok((radiance, diagnostics))
+    }
+
+    fn compare(&self, radiance: Vec<f32>, control: &Control<'_>) -> Result<Shown, RefineError> {
+        let Problem { viewing, printable_target, .. } = self.setup.problem;
+        let shown: Vec<[f32; 3]> =
+            radiance.par_chunks_exact(viewing.channels()).map(|l| viewing.relative_rgb(l)).collect();
         // Smoothed as light adds up: the cube root of a few paths' mean is biased far down.
-        let lack: Vec<[f32; 3]> = aim
-            .par_iter()
-            .zip(&relative)
-            .map(|(aim, shown)| std::array::from_fn(|c| aim[c] - shown[c]))
-            .collect();
-        let reached = Demand::reached(aim, &smoother.apply(lack));
-        let lack = demand.lack(&reached);
-        let smoothed = ErrorStats::of(
-            reached.par_iter().zip(&aim_lab).map(|(&r, m)| ink.delta_e(ink.lab(r), *m)).collect(),
-        );
-        report.iterations.push(IterationReport {
-            iteration,
-            raw: errors(&raw_lab),
-            mapped: errors(&aim_lab),
-            smoothed,
-            label_flips: voxels,
-            changed_tiles: tiles.len() as u64,
-            halftone_seconds,
-            predict_seconds,
+        let shortfall = printable_target.par_iter().zip(&shown);
+        let shortfall = shortfall.map(|(t, s)| std::array::from_fn(|c| t[c] - s[c])).collect();
+        let mut smoothed = self.smoother.smooth(shortfall, control)?;
+        smoothed.par_iter_mut().zip(printable_target).for_each(|(s, t)| {
+            *s = std::array::from_fn(|c| (t[c] - s[c]).max(0.0));
         });
-        if best.as_ref().is_none_or(|(mean, _)| smoothed.mean < *mean) {
-            best = Some((smoothed.mean, demand.clone()));
-            report.best = iteration;
-        }
-        if iteration < settings.iterations {
-            demand.settle(&unspent);
-            demand.add(&lack, settings.gain / (1.0 + settings.gain_decay * iteration as f32));
+        Ok(Shown { radiance, shown, smoothed })
+    }
+
+    fn errors(&self, shown: &Shown) -> IterationReport {
+        let lab = lab_of(&shown.shown);
+        let against = |lab: &[[f32; 3]], to: &[[f32; 3]]| ErrorStats::of(differences(lab, to));
+        IterationReport {
+            iteration: self.iteration,
+            target: against(&lab, &self.target_lab),
+            printable_target: against(&lab, &self.printable_lab),
+            smoothed: against(&lab_of(&shown.smoothed), &self.printable_lab),
+            ..IterationReport::default()
         }
     }
-    // The last prediction judged the last labels; an earlier best is halftoned again.
-    if let Some((_, best)) = best
-        && report.best != settings.iterations
-    {
-        halftone.apply(grid, &best, &plan(report.best), &control.silent())?;
+
+    /// Takes in what a step found; cannot fail.
+    fn complete(&mut self, report: IterationReport, next: Option<S::State>) -> &IterationReport {
+        let best = self.report.best_iteration().map(|i| i.smoothed.mean);
+        let better = best.is_none_or(|mean| report.smoothed.mean < mean);
+        if better {
+            self.report.best = report.iteration;
+        }
+        match next {
+            Some(next) => {
+                let state = std::mem::replace(&mut self.state, next);
+                if better {
+                    self.best = Some(state);
+                }
+            }
+            None if better => self.best = Some(self.state.clone()),
+            None => {}
+        }
+        self.held = Some(report.iteration);
+        self.iteration += 1;
+        self.report.iterations.push(report);
+        &self.report.iterations[self.iteration as usize - 1]
     }
-    let unrefined = unrefined.unwrap_or_else(|| grid.clone());
-    Ok(Refined { unrefined, report })
+
+    fn check_labels(&self, labels: &LabelGrid) -> Result<(), RefineError> {
+        if labels.frame() == self.setup.problem.object.frame() {
+            return Ok(());
+        }
+        Err(RefineError::invalid("labels", "lie in another frame than the object's surface"))
+    }
+
+    fn check_saved(&self, saved: &Saved<S::State>) -> Result<(), RefineError> {
+        let differs = |what: &str| {
+            Err(RefineError::invalid(
+                "checkpoint",
+                format!("is of {what}; resume with its own, or begin anew"),
+            ))
+        };
+        let own = self.save();
+        if saved.strategy != own.strategy {
+            return differs(&format!("the strategy {:?}, not {:?}", saved.strategy, own.strategy));
+        }
+        if saved.strategy_settings != own.strategy_settings {
+            let (there, here) = (&saved.strategy_settings, &own.strategy_settings);
+            return differs(&format!("other settings of the strategy, {there:?} instead of {here:?}"));
+        }
+        if saved.settings != own.settings {
+            return differs(&format!("other settings, {:?} instead of {:?}", saved.settings, own.settings));
+        }
+        if saved.object != own.object {
+            return differs("another object or other materials");
+        }
+        if saved.colors != own.colors {
+            return differs("other targets or inks");
+        }
+        let iterations = &saved.report.iterations;
+        let whole = saved.iteration <= self.settings.iterations + 1
+            && iterations.len() == saved.iteration as usize
+            && iterations.iter().zip(0..).all(|(report, i)| report.iteration == i)
+            && saved.best.is_some() == (saved.iteration > 0)
+            && (saved.iteration == 0 || saved.report.best < saved.iteration);
+        if !whole {
+            return Err(RefineError::invalid("checkpoint", "its iterations contradict each other"));
+        }
+        let states = std::iter::once(&saved.state).chain(&saved.best);
+        states.into_iter().try_for_each(|state| self.strategy.check_state(&self.setup, state))
+    }
 }
 
-fn check_input(
-    grid: &LabelGrid,
-    input: &RefineInput<'_>,
-    settings: &RefineSettings,
-) -> Result<(), RefineError> {
-    let surface = input.surface;
-    if surface.frame() != grid.frame() || input.nearest.frame() != grid.frame() {
-        return Err(RefineError::invalid(
-            "surface",
-            "surface, nearest-surface map and grid must lie in the same frame",
-        ));
+impl IterationReport {
+    fn count(&mut self, changes: &Changes, diagnostics: &Diagnostics) {
+        self.label_flips = changes.voxels;
+        self.changed_tiles = changes.tiles.len() as u64;
+        self.outside_training = diagnostics.outside_training;
+        self.paths = diagnostics.paths;
     }
-    if input.nearest.depth_mm() < settings.coloured_depth_mm {
-        return Err(RefineError::invalid(
-            "nearest",
-            format!(
-                "reaches {} mm deep; build it to the coloured depth of {} mm",
-                input.nearest.depth_mm(),
-                settings.coloured_depth_mm
-            ),
-        ));
+}
+
+/// Rearranges the materials of `labels` until their predicted appearance comes close to the printable target: all steps
+/// of a [`Refinement`] in a row. On success `labels` hold the iterate with the least smoothed mean CIEDE2000.
+///
+/// # Errors
+/// As [`Refinement::new`], [`Refinement::step`] and [`Refinement::finish`]; what `labels` hold then is said there.
+pub fn refine<S: Strategy>(
+    labels: &mut LabelGrid,
+    problem: Problem<'_>,
+    strategy: S,
+    settings: RefineSettings,
+    bound: &mut dyn BoundPredictor,
+    control: &Control<'_>,
+) -> Result<Refined, RefineError> {
+    let mut refinement = Refinement::new(problem, strategy, settings, control)?;
+    while !refinement.is_finished() {
+        refinement.step(labels, bound, control)?;
     }
-    for (field, colors) in [("target", input.target), ("aim", input.aim)] {
-        if colors.len() != surface.len() {
-            return Err(RefineError::invalid(
-                field,
-                format!("{} colours for {} surface voxels", colors.len(), surface.len()),
-            ));
-        }
-        if colors.iter().flatten().any(|v| !v.is_finite()) {
-            return Err(RefineError::invalid(field, "a colour is not finite"));
-        }
-    }
-    if input.materials.channels() != 3 {
-        return Err(RefineError::invalid(
-            "materials",
-            format!("{} channels; R, G, B are needed", input.materials.channels()),
-        ));
-    }
-    let labels = input.ink.labels();
-    let known = |l: &u8| *l != AIR && input.materials.get(*l).is_some();
-    if !(2..=MAX_LABELS).contains(&labels.len()) || !labels.iter().all(known) {
-        return Err(RefineError::invalid("ink model", "needs 2 to 16 labels, each of the material table"));
-    }
-    Ok(())
+    refinement.finish(labels, control)
 }

@@ -1,68 +1,48 @@
 //! What a refinement reports.
 
-use rayon::prelude::*;
+use pellucid_core::ErrorStats;
+use serde::{Deserialize, Serialize};
 
-/// Distribution of CIEDE2000 differences over the evaluated surface voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct ErrorStats {
-    /// Arithmetic mean.
-    pub mean: f64,
-    /// 50 % quantile.
-    pub median: f64,
-    /// 95 % quantile.
-    pub p95: f64,
-    /// Largest.
-    pub max: f64,
-}
-
-impl ErrorStats {
-    /// Of a list; all zero when it is empty.
-    pub(crate) fn of(mut values: Vec<f32>) -> Self {
-        if values.is_empty() {
-            return Self::default();
-        }
-        values.par_sort_unstable_by(f32::total_cmp);
-        let quantile = |q: f64| f64::from(values[(q * (values.len() - 1) as f64).round() as usize]);
-        let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
-        Self { mean, median: quantile(0.5), p95: quantile(0.95), max: quantile(1.0) }
-    }
-}
-
-/// One iteration: the state of the labels that was predicted, and its errors.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+/// One iteration: the state of the labels that was predicted, and its errors in CIEDE2000 over all surface voxels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
 pub struct IterationReport {
     /// 0 for the unrefined halftone.
     pub iteration: u32,
     /// Against the target as given.
-    pub raw: ErrorStats,
-    /// Against the gamut-mapped target, which is what the loop aims at.
-    pub mapped: ErrorStats,
-    /// As `mapped`, with what the target lacks smoothed over [`RefineSettings::residual_blur_mm`]: without
-    /// most of the halftone's and the predictor's noise. The best iterate has the least mean.
-    ///
-    /// [`RefineSettings::residual_blur_mm`]: crate::RefineSettings::residual_blur_mm
+    pub target: ErrorStats,
+    /// Against the printable target, which is what the loop aims at.
+    pub printable_target: ErrorStats,
+    /// As `printable_target`, with what the target lacks smoothed over
+    /// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm): without most of the halftone's
+    /// and the predictor's noise. The best iterate has the least mean.
     pub smoothed: ErrorStats,
-    /// Voxels whose label changed since the iteration before; for iteration 0, coloured voxels.
+    /// Voxels whose label differs from the labels handed to the step: for iteration 0 the coloured voxels, else those
+    /// that changed since the iteration before, unless the step was resumed or repeated with other labels.
     pub label_flips: u64,
     /// Tiles with at least one such voxel.
     pub changed_tiles: u64,
-    /// Seconds spent on demand and halftone.
+    /// Predicted values around which coefficients lie outside what the predictor was made for.
+    pub outside_training: u64,
+    /// Paths traced.
+    pub paths: u64,
+    /// Seconds spent on mixtures and halftone.
     pub halftone_seconds: f64,
     /// Seconds spent in the predictor.
     pub predict_seconds: f64,
 }
 
 /// The whole refinement.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
 pub struct RefineReport {
-    /// [`AppearancePredictor::name`](crate::AppearancePredictor::name).
-    pub predictor: String,
+    /// [`Strategy::name`](crate::Strategy::name).
+    pub strategy: String,
     /// Every iteration in order; the first is the unrefined halftone.
     pub iterations: Vec<IterationReport>,
-    /// The iteration whose labels were kept: least mean difference to the mapped target.
+    /// The iteration whose labels are kept: least mean of [`IterationReport::smoothed`].
     pub best: u32,
     /// Surface voxels in all.
     pub surface_voxels: u64,
@@ -71,7 +51,7 @@ pub struct RefineReport {
 }
 
 impl RefineReport {
-    /// The report of the iteration that was kept; `None` before any iteration finished.
+    /// The report of the iteration that is kept; `None` before any iteration finished.
     pub fn best_iteration(&self) -> Option<&IterationReport> {
         self.iterations.iter().find(|i| i.iteration == self.best)
     }

@@ -1,5 +1,6 @@
 //! A periodic three-dimensional blue-noise threshold mask that knows the pitch.
 
+use pellucid_core::{Cancelled, Control};
 use pellucid_voxel::Pitch;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -19,12 +20,13 @@ const CUT_OFF: f64 = 3.5;
 /// millimetres so that an anisotropic pitch gives an isotropic pattern. Tiles space periodically.
 ///
 /// ```
-/// use pellucid_refine::BlueNoiseMask;
-/// use pellucid_voxel::Pitch;
-/// let mask = BlueNoiseMask::with_size([8, 4, 12], Pitch::j750(), 1);
+/// use pellucid_halftone::BlueNoiseMask;
+/// use pellucid_voxel::{Control, Pitch};
+/// let mask = BlueNoiseMask::with_size([8, 4, 12], Pitch::j750(), 1, &Control::none())?;
 /// let below = (0..384).filter(|i| mask.threshold([i % 8, i / 8 % 4, i / 32]) < 0.25).count();
 /// assert_eq!(below, 96);
 /// assert_eq!(mask.threshold([3, 1, 2]), mask.threshold([3 + 8, 1 + 4, 2 + 24]));
+/// # Ok::<(), pellucid_core::Cancelled>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlueNoiseMask {
@@ -38,35 +40,50 @@ impl BlueNoiseMask {
 
     /// A mask about as long in millimetres along each axis as the pitch allows, of about 25,000
     /// thresholds. The same pitch and seed give the same mask.
-    pub fn new(pitch: Pitch, seed: u64) -> Self {
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn new(pitch: Pitch, seed: u64, control: &Control<'_>) -> Result<Self, Cancelled> {
         let edge_mm = (TARGET_CELLS * pitch.volume_mm3()).cbrt();
         let size = pitch.mm().map(|p| ((edge_mm / p).round() as u32).clamp(2, 64));
-        Self::with_size(size, pitch, seed)
+        Self::with_size(size, pitch, seed, control)
     }
 
-    /// A mask of `size` voxels along `[x, y, z]`, each edge clamped to 1..=[`Self::MAX_EDGE`].
-    pub fn with_size(size: [u32; 3], pitch: Pitch, seed: u64) -> Self {
+    /// A mask of `size` voxels along `[x, y, z]`, each edge clamped to 1..=[`Self::MAX_EDGE`]. Time grows with the
+    /// square of the number of voxels. Progress counts thresholds.
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn with_size(
+        size: [u32; 3],
+        pitch: Pitch,
+        seed: u64,
+        control: &Control<'_>,
+    ) -> Result<Self, Cancelled> {
         let size = size.map(|s| s.clamp(1, Self::MAX_EDGE));
         let mut field = Crowding::new(size, pitch);
         let cells = field.energy.len();
         let initial = (cells / 10).max(1);
-        scatter(&mut field, initial, seed);
+        scatter(&mut field, initial, seed, control)?;
         let prototype = field.clone();
 
         let mut ranks = vec![0u32; cells];
         for rank in (0..initial).rev() {
+            control.check()?;
             let cluster = field.tightest_cluster();
             field.toggle(cluster);
             ranks[cluster] = rank as u32;
         }
         field = prototype;
         for rank in initial..cells {
+            control.check()?;
             let void = field.largest_void();
             field.toggle(void);
             ranks[void] = rank as u32;
+            control.report(rank as u64 + 1, cells as u64);
         }
         let thresholds = ranks.iter().map(|&r| ((f64::from(r) + 0.5) / cells as f64) as f32).collect();
-        Self { size, thresholds }
+        Ok(Self { size, thresholds })
     }
 
     /// Voxels of one period along `[x, y, z]`.
@@ -92,7 +109,7 @@ impl BlueNoiseMask {
 
 /// Places `count` points at random and spreads them until the tightest cluster is also the
 /// largest void.
-fn scatter(field: &mut Crowding, count: usize, seed: u64) {
+fn scatter(field: &mut Crowding, count: usize, seed: u64, control: &Control<'_>) -> Result<(), Cancelled> {
     let cells = field.energy.len();
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut placed = 0;
@@ -105,6 +122,7 @@ fn scatter(field: &mut Crowding, count: usize, seed: u64) {
     }
     // Each swap lowers the total crowding, so this ends; rounding could only make it cycle.
     for _ in 0..4 * cells {
+        control.check()?;
         let cluster = field.tightest_cluster();
         field.toggle(cluster);
         let void = field.largest_void();
@@ -113,6 +131,7 @@ fn scatter(field: &mut Crowding, count: usize, seed: u64) {
             break;
         }
     }
+    Ok(())
 }
 
 /// A binary pattern and, at each cell, the Gaussian-weighted number of points around it.
@@ -203,6 +222,27 @@ impl Crowding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    fn made(size: [u32; 3], pitch: Pitch, seed: u64) -> BlueNoiseMask {
+        BlueNoiseMask::with_size(size, pitch, seed, &Control::none()).unwrap()
+    }
+
+    #[test]
+    fn thresholds_are_pinned() {
+        let mask = BlueNoiseMask::new(Pitch::j750(), 5, &Control::none()).unwrap();
+        let bits = mask.thresholds.iter().map(|t| u64::from(t.to_bits()));
+        let digest = bits.fold(0u64, |d, b| pellucid_core::random::mix(d ^ b));
+        assert_eq!((mask.size, digest), ([31, 15, 48], 0));
+    }
+
+    #[test]
+    fn cancelling_stops_half_way() {
+        let stop = AtomicBool::new(false);
+        let progress = |done: u64, total: u64| stop.store(2 * done > total, Ordering::Relaxed);
+        let control = Control::none().with_cancel(&stop).with_progress(&progress);
+        assert_eq!(BlueNoiseMask::with_size([8; 3], Pitch::j750(), 0, &control), Err(Cancelled));
+    }
 
     fn voxels(size: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
         let [sx, sy, sz] = size;
@@ -232,20 +272,20 @@ mod tests {
 
     #[test]
     fn thresholds_are_a_permutation_and_reproducible() {
-        let mask = BlueNoiseMask::with_size([16, 8, 25], Pitch::j750(), 3);
+        let mask = made([16, 8, 25], Pitch::j750(), 3);
         let mut sorted: Vec<f32> = voxels(mask.size()).map(|v| mask.threshold(v)).collect();
         sorted.sort_by(f32::total_cmp);
         for (i, t) in sorted.iter().enumerate() {
             assert!((f64::from(*t) * 3200.0 - i as f64 - 0.5).abs() < 1e-3);
         }
-        assert_eq!(mask, BlueNoiseMask::with_size([16, 8, 25], Pitch::j750(), 3));
-        assert_ne!(mask, BlueNoiseMask::with_size([16, 8, 25], Pitch::j750(), 4));
+        assert_eq!(mask, made([16, 8, 25], Pitch::j750(), 3));
+        assert_ne!(mask, made([16, 8, 25], Pitch::j750(), 4));
     }
 
     #[test]
     fn low_frequencies_are_quiet_along_each_axis_in_millimetres() {
         let pitch = Pitch::j750();
-        let mask = BlueNoiseMask::new(pitch, 0);
+        let mask = BlueNoiseMask::new(pitch, 0, &Control::none()).unwrap();
         for level in [0.05, 0.1, 0.3, 0.5, 0.8] {
             // Waves longer than three mean distances between the rarer kind of voxel.
             let rare = f64::from(level).min(1.0 - f64::from(level));
@@ -265,7 +305,7 @@ mod tests {
         // Of a sparse pattern, the nearest other point lies in no preferred direction: the mean
         // squared offsets in mm agree between the axes far better than those in voxels do.
         let pitch = Pitch::new([0.04, 0.08, 0.02]).unwrap();
-        let mask = BlueNoiseMask::with_size([32, 16, 64], pitch, 5);
+        let mask = made([32, 16, 64], pitch, 5);
         let points: Vec<_> = voxels(mask.size()).filter(|&v| mask.threshold(v) < 0.02).collect();
         let mut squares = [0.0f64; 3];
         for p in &points {
@@ -294,7 +334,7 @@ mod tests {
     #[test]
     fn tiny_and_flat_masks_are_complete() {
         for size in [[1, 1, 1], [2, 1, 3], [1, 9, 1]] {
-            let mask = BlueNoiseMask::with_size(size, Pitch::j750(), 0);
+            let mask = made(size, Pitch::j750(), 0);
             let sum: f64 = voxels(size).map(|v| f64::from(mask.threshold(v))).sum();
             assert!((sum - f64::from(size.iter().product::<u32>()) / 2.0).abs() < 1e-4);
         }

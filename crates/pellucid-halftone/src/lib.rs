@@ -1,0 +1,14 @@
+//! Three-dimensional halftoning: from volume fractions to one material a voxel.
+//!
+//! A refinement thresholds fractions with a [`BlueNoiseMask`], which is local, parallel and the same for any order of
+//! work: [`Thresholds`] turns a mixture into cumulative shares and a voxel's threshold into a label.
+//! [`diffuse_errors`] is the classical serial alternative, to compare with.
+#![forbid(unsafe_code)]
+
+mod diffusion;
+mod mask;
+mod thresholds;
+
+pub use diffusion::diffuse_errors;
+pub use mask::BlueNoiseMask;
+pub use thresholds::Thresholds;

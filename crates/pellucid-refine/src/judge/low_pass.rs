@@ -1,0 +1,200 @@
+//! Means over about a millimetre of surface.
+
+use std::collections::BTreeMap;
+
+use pellucid_core::{Cancelled, Control};
+use pellucid_voxel::Surface;
+use rayon::prelude::*;
+
+/// Edge in mm of the cells that surface voxels are pooled in.
+const CELL_MM: f64 = 0.3;
+/// Cells on each side within reach of a pass, whose deviation is one cell.
+const REACH: i32 = 2;
+/// Standard deviation in mm of the whole.
+const SIGMA_MM: f64 = 1.0;
+/// Share of a pass' variance that is left by cutting it at two deviations: 1 - 2 e^-2 / (1 - e^-2).
+const CUT_VARIANCE: f64 = 0.687;
+/// Normals that differ more lie on another side.
+const SAME_SIDE: f64 = 0.5;
+/// Points that one task handles.
+const CHUNK: usize = 4096;
+
+/// A Gaussian over the surface that is wide against the voxels: values are pooled in cells, smoothed from cell to cell,
+/// and read between the cells' centres. Does not cross sharp edges or thin sheets.
+pub(crate) struct LowPass {
+    edge_mm: f64,
+    passes: u32,
+    cell_of: Vec<u32>,
+    positions: Vec<[f32; 3]>,
+    cells: Vec<Cell>,
+    /// For each cell those within reach on the same side, itself too, with the weights of a pass.
+    neighbours: Vec<Vec<(u32, f32)>>,
+}
+
+struct Cell {
+    count: f64,
+    centre: [f64; 3],
+    normal: [f64; 3],
+}
+
+impl LowPass {
+    pub(crate) fn new(surface: &Surface, control: &Control<'_>) -> Result<Self, Cancelled> {
+        let edge_mm = CELL_MM.max(surface.frame().pitch().max_mm());
+        let pitch = surface.frame().pitch().mm();
+        let position =
+            |voxel: &[u32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(voxel[a]) * pitch[a]) };
+        let mut index: BTreeMap<([i32; 3], u8), u32> = BTreeMap::new();
+        let mut cells: Vec<Cell> = Vec::new();
+        let mut keys = Vec::new();
+        let mut cell_of = Vec::with_capacity(surface.len());
+        for (i, (voxel, normal)) in surface.voxels().iter().zip(surface.normals()).enumerate() {
+            if i % CHUNK == 0 {
+                control.check()?;
+            }
+            let (at, normal) = (position(voxel), normal.map(f64::from));
+            let key = (at.map(|v| (v / edge_mm).floor() as i32), side(normal));
+            let cell = *index.entry(key).or_insert_with(|| {
+                cells.push(Cell { count: 0.0, centre: [0.0; 3], normal: [0.0; 3] });
+                keys.push(key.0);
+                cells.len() as u32 - 1
+            });
+            let sums = &mut cells[cell as usize];
+            sums.count += 1.0;
+            (0..3).for_each(|a| sums.centre[a] += at[a]);
+            (0..3).for_each(|a| sums.normal[a] += normal[a]);
+            cell_of.push(cell);
+        }
+        for cell in &mut cells {
+            cell.centre = cell.centre.map(|v| v / cell.count);
+            let length = cell.normal.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+            cell.normal = cell.normal.map(|v| v / length);
+        }
+        let neighbours = (0..cells.len())
+            .into_par_iter()
+            .map(|i| {
+                control.check()?;
+                Ok(within_reach(&index, &cells, keys[i], i, edge_mm))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        let passes = (SIGMA_MM * SIGMA_MM / (CUT_VARIANCE * edge_mm * edge_mm)).round().max(2.0) as u32 - 1;
+        let positions = surface.voxels().iter().map(|v| position(v).map(|p| p as f32)).collect();
+        Ok(Self { edge_mm, passes, cell_of, positions, cells, neighbours })
+    }
+
+    /// Smooths one value a surface voxel. A constant stays.
+    pub(crate) fn apply(&self, values: &[f32], control: &Control<'_>) -> Result<Vec<f32>, Cancelled> {
+        let mut means = vec![0.0f64; self.cells.len()];
+        values.iter().zip(&self.cell_of).for_each(|(&v, &c)| means[c as usize] += f64::from(v));
+        means.iter_mut().zip(&self.cells).for_each(|(m, cell)| *m /= cell.count);
+        for _ in 0..self.passes {
+            control.check()?;
+            let average = |list: &Vec<(u32, f32)>| {
+                let (mut sum, mut total) = (0.0, 0.0);
+                for &(i, weight) in list {
+                    sum += f64::from(weight) * means[i as usize];
+                    total += f64::from(weight);
+                }
+                sum / total
+            };
+            means = self.neighbours.par_iter().map(average).collect();
+        }
+        let mut out = vec![0.0f32; values.len()];
+        out.par_chunks_mut(CHUNK).enumerate().try_for_each(|(chunk, out)| {
+            control.check()?;
+            out.iter_mut().enumerate().for_each(|(i, out)| *out = self.at(chunk * CHUNK + i, &means));
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    /// The cells' means at a point.
+    fn at(&self, point: usize, means: &[f64]) -> f32 {
+        let at = self.positions[point].map(f64::from);
+        let (mut sum, mut total) = (0.0, 0.0);
+        for &(i, _) in &self.neighbours[self.cell_of[point] as usize] {
+            let weight = self.cells[i as usize].weight(at, self.edge_mm);
+            sum += weight * means[i as usize];
+            total += weight;
+        }
+        (sum / total) as f32
+    }
+}
+
+impl Cell {
+    /// What the cell counts for at a place, in a Gaussian of one cell's edge.
+    fn weight(&self, at: [f64; 3], edge_mm: f64) -> f64 {
+        let squared: f64 = (0..3).map(|a| (at[a] - self.centre[a]).powi(2)).sum();
+        self.count * (-0.5 * squared / (edge_mm * edge_mm)).exp()
+    }
+}
+
+/// The axis and sign that a normal follows most.
+fn side(normal: [f64; 3]) -> u8 {
+    let axis = (0..3).fold(0, |best, a| if normal[a].abs() > normal[best].abs() { a } else { best });
+    2 * axis as u8 + u8::from(normal[axis] < 0.0)
+}
+
+fn within_reach(
+    index: &BTreeMap<([i32; 3], u8), u32>,
+    cells: &[Cell],
+    key: [i32; 3],
+    own: usize,
+    edge_mm: f64,
+) -> Vec<(u32, f32)> {
+    let cell = &cells[own];
+    let mut found = Vec::new();
+    for z in -REACH..=REACH {
+        for y in -REACH..=REACH {
+            for x in -REACH..=REACH {
+                let at = [key[0] + x, key[1] + y, key[2] + z];
+                for (_, &i) in index.range((at, 0)..=(at, u8::MAX)) {
+                    let other = &cells[i as usize];
+                    let agree: f64 = (0..3).map(|a| cell.normal[a] * other.normal[a]).sum();
+                    let squared: f64 = (0..3).map(|a| (cell.centre[a] - other.centre[a]).powi(2)).sum();
+                    let near = squared <= (f64::from(REACH) * edge_mm).powi(2);
+                    if i as usize == own || (agree > SAME_SIDE && near) {
+                        found.push((i, other.weight(cell.centre, edge_mm) as f32));
+                    }
+                }
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pellucid_voxel::{Frame, LabelGrid, Pitch, SurfaceOptions, Tile};
+
+    fn block(size: [u32; 3]) -> Surface {
+        let frame = Frame::new([0.0; 3], Pitch::j750(), size).unwrap();
+        let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(1));
+        Surface::extract(&grid, &SurfaceOptions::default(), &Control::none()).unwrap()
+    }
+
+    #[test]
+    fn a_line_spreads_by_a_millimetre_and_constants_stay() {
+        // 12.7 mm along x, 2 mm along y.
+        let surface = block([300, 24, 40]);
+        let low = LowPass::new(&surface, &Control::none()).unwrap();
+        let same = low.apply(&vec![0.7; surface.len()], &Control::none()).unwrap();
+        assert!(same.iter().all(|v| (v - 0.7).abs() < 1e-6));
+        let top = |v: &[u32; 3]| v[2] == 39;
+        let line: Vec<f32> =
+            surface.voxels().iter().map(|v| if top(v) && v[0] == 150 { 1.0 } else { 0.0 }).collect();
+        let spread = low.apply(&line, &Control::none()).unwrap();
+        let (mut total, mut second) = (0.0, 0.0);
+        for (v, s) in surface.voxels().iter().zip(&spread).filter(|(v, _)| top(v)) {
+            let d = (f64::from(v[0]) - 150.0) * 25.4 / 600.0;
+            total += f64::from(*s);
+            second += f64::from(*s) * d * d;
+        }
+        let deviation = (second / total).sqrt();
+        assert!((0.85..1.15).contains(&deviation), "{deviation}");
+        // Nothing reaches the bottom, the line's own share of the top is kept.
+        let below: f32 =
+            surface.voxels().iter().zip(&spread).filter(|(v, _)| v[2] == 0).map(|(_, s)| s).sum();
+        assert!(below < 1e-3 * total as f32, "{below} of {total}");
+    }
+}

@@ -1,0 +1,434 @@
+//! Judging any labels against any target by fresh predictions.
+
+mod classes;
+mod errors;
+mod low_pass;
+
+use pellucid_color::Viewing;
+use pellucid_core::random::{Domain, hash};
+use pellucid_core::{Control, ErrorStats, NoisyScore};
+use pellucid_predict::{BoundPredictor, Capabilities, Changed, Draw, Object, Pass};
+use pellucid_voxel::LabelGrid;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use self::low_pass::LowPass;
+use crate::difference::{differences, lab_of};
+use crate::problem::check_colors;
+use crate::settings::check_ranges;
+use crate::{Problem, RefineError, SurfaceSmoother};
+
+pub use classes::ColorClass;
+pub use errors::{ClassErrors, Errors, Evaluation, Sharpness, StateErrors};
+
+/// Standard deviations in mm of the Gaussians after which errors are taken.
+const RADII_MM: [f64; 3] = [0.045, 0.1, 0.2];
+/// Position in [`RADII_MM`] of the one at which classes and sharpness are taken.
+const VIEWED: usize = 1;
+/// Standard deviation in mm over which the energy of the noise is averaged.
+const NOISE_MM: f64 = 0.2;
+const POINTS: Domain = Domain::new("judge points");
+
+/// What the judge looks at.
+#[derive(Clone, Copy)]
+pub struct JudgeInput<'a> {
+    /// Surface voxels, materials and optical boundary.
+    pub object: &'a Object,
+    /// How radiance becomes colour.
+    pub viewing: &'a Viewing,
+    /// The texture's colour at each surface voxel, linear RGB relative to the print's white.
+    pub target: &'a [[f32; 3]],
+    /// The target brought within reach of gamut and thickness.
+    pub printable_target: &'a [[f32; 3]],
+}
+
+impl<'a> From<Problem<'a>> for JudgeInput<'a> {
+    fn from(problem: Problem<'a>) -> Self {
+        let Problem { object, viewing, target, printable_target, .. } = problem;
+        Self { object, viewing, target, printable_target }
+    }
+}
+
+/// How much is predicted. Every pass is one prediction with random numbers of its own; how many paths that is, the
+/// predictor knows. A predictor without random error is asked once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Effort {
+    /// Surface voxels drawn for per-voxel errors, 1 to 2^30; all when there are no more.
+    pub points: u32,
+    /// Passes over those, even, 2 to 16384.
+    pub point_passes: u32,
+    /// Passes over every surface voxel, even, 2 to 16384.
+    pub surface_passes: u32,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { points: 5_000, point_passes: 64, surface_passes: 2 }
+    }
+}
+
+impl Effort {
+    /// Checks the documented ranges.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] naming the first field out of range.
+    pub fn check(&self) -> Result<(), RefineError> {
+        let passes = |n: u32| (2..=1 << 14).contains(&n) && n % 2 == 0;
+        check_ranges(&[
+            ("points", (1..=1 << 30).contains(&self.points), "1 to 2^30"),
+            ("point_passes", passes(self.point_passes), "even, 2 to 16384"),
+            ("surface_passes", passes(self.surface_passes), "even, 2 to 16384"),
+        ])
+    }
+}
+
+/// Says how well labels show a target. What depends on object and target alone is made once, for any number of labels.
+pub struct Judge<'a> {
+    input: JudgeInput<'a>,
+    effort: Effort,
+    seed: u64,
+    points: Vec<u32>,
+    smoother: SurfaceSmoother,
+    low_pass: LowPass,
+    classes: Vec<ColorClass>,
+    /// `[radius]`, the printable target and the target in Lab.
+    targets: Vec<[Vec<[f32; 3]>; 2]>,
+    /// Local contrast of both.
+    contrasts: [Vec<f32>; 2],
+}
+
+/// What the judge found.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Judged {
+    /// The errors.
+    pub errors: StateErrors,
+    /// The surface voxels drawn for per-voxel errors, ascending.
+    pub points: Vec<u32>,
+    /// Absolute radiance of those by either half of the passes, `[point][channel]`; alike without random error.
+    pub halves: [Vec<f32>; 2],
+    /// What every surface voxel shows, linear RGB relative to the print's white, the mean of the passes over all.
+    pub appearance: Vec<[f32; 3]>,
+}
+
+impl Judged {
+    /// How far a prediction of [`Judged::points`], `[point][channel]`, is off what the judge saw, whose noise is taken
+    /// out.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when there are not as many values.
+    pub fn prediction_error(&self, radiance: &[f32]) -> Result<NoisyScore, RefineError> {
+        let [first, second] = &self.halves;
+        if radiance.len() != first.len() {
+            return Err(RefineError::invalid(
+                "radiance",
+                format!("{} values; the judge has {}", radiance.len(), first.len()),
+            ));
+        }
+        let mut score = NoisyScore::default();
+        for ((&predicted, &a), &b) in radiance.iter().zip(first).zip(second) {
+            score.add(f64::from(predicted), [f64::from(a), f64::from(b)]);
+        }
+        Ok(score)
+    }
+}
+
+/// Relative RGB of every surface voxel by halves of the passes, or by one pass without random error.
+type Halves = Vec<Vec<[f32; 3]>>;
+
+/// Counts passes for progress.
+struct Meter<'c> {
+    control: Control<'c>,
+    done: u64,
+    total: u64,
+}
+
+impl<'a> Judge<'a> {
+    /// Checks the input, draws the points, and smooths the targets.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when targets or viewing do not fit the object, or the effort is out of range;
+    /// [`RefineError::Cancelled`].
+    pub fn new(
+        input: JudgeInput<'a>,
+        effort: Effort,
+        seed: u64,
+        control: &Control<'_>,
+    ) -> Result<Self, RefineError> {
+        effort.check()?;
+        let JudgeInput { object, viewing, target, printable_target } = input;
+        check_colors(object, viewing, target, printable_target)?;
+        let control = &control.silent();
+        let smoother = SurfaceSmoother::new(object.surface(), RADII_MM[0], control)?;
+        let low_pass = LowPass::new(object.surface(), control)?;
+        let classes = lab_of(target).into_iter().map(ColorClass::of).collect();
+        let mut fields = [printable_target.to_vec(), target.to_vec()];
+        let mut from = 0.0;
+        let mut targets = Vec::with_capacity(RADII_MM.len());
+        for to in RADII_MM {
+            for field in &mut fields {
+                *field = smoother.widen(std::mem::take(field), from, to, control)?;
+            }
+            targets.push([lab_of(&fields[0]), lab_of(&fields[1])]);
+            from = to;
+        }
+        let contrast = |lab: &[[f32; 3]]| contrast(&low_pass, lab, control);
+        let contrasts = [contrast(&targets[VIEWED][0])?, contrast(&targets[VIEWED][1])?];
+        let points = draw_points(seed, object.surface().len(), effort.points as usize);
+        Ok(Self { input, effort, seed, points, smoother, low_pass, classes, targets, contrasts })
+    }
+
+    /// The surface voxels drawn for per-voxel errors, ascending.
+    pub fn points(&self) -> &[u32] {
+        &self.points
+    }
+
+    /// Judges labels by `bound`, a predictor of the judge's object that can do what `capabilities` says. Labels judged by
+    /// one judge are predicted with the same random numbers. Progress counts predicted surface voxels.
+    ///
+    /// Errors after smoothing have the noise's share taken out: of each squared difference the noise's energy, measured
+    /// by the halves of the passes and averaged over 0.2 mm of surface. Per-voxel errors contain their noise, which is
+    /// stated.
+    ///
+    /// # Errors
+    /// [`RefineError::Judge`] when the predictor fails, [`RefineError::Invalid`] when it predicts what is not finite,
+    /// [`RefineError::Cancelled`].
+    pub fn judge(
+        &self,
+        labels: &LabelGrid,
+        bound: &mut dyn BoundPredictor,
+        capabilities: Capabilities,
+        control: &Control<'_>,
+    ) -> Result<Judged, RefineError> {
+        bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        let all = self.input.object.points();
+        let Effort { mut point_passes, mut surface_passes, .. } = self.effort;
+        if !capabilities.random {
+            (point_passes, surface_passes) = (1, 1);
+        }
+        let total =
+            self.points.len() as u64 * u64::from(point_passes) + all.len() as u64 * u64::from(surface_passes);
+        let mut meter = Meter { control: *control, done: 0, total };
+        let mut paths = 0;
+        let surface = self.surface_halves(&all, surface_passes, bound, &mut meter, &mut paths)?;
+        let passes = surface_passes..surface_passes + point_passes;
+        let halves = self.point_halves(passes, bound, &mut meter, &mut paths)?;
+        let mut errors = StateErrors {
+            voxel: self.voxel_errors(&halves),
+            points: self.points.len() as u64,
+            point_passes,
+            surface_passes,
+            paths,
+            ..StateErrors::default()
+        };
+        let appearance = mean_of(&surface);
+        self.smoothed_errors(surface, &mut errors, &control.silent())?;
+        Ok(Judged { errors, points: self.points.clone(), halves, appearance })
+    }
+
+    /// One pass; counts its paths.
+    fn pass(
+        &self,
+        points: &[u32],
+        pass: u32,
+        out: &mut [f32],
+        bound: &dyn BoundPredictor,
+        meter: &mut Meter<'_>,
+    ) -> Result<u64, RefineError> {
+        let Meter { control, done, total } = *meter;
+        let share = points.len() as f64;
+        let progress = |part: u64, of: u64| {
+            control.report(done + (share * part as f64 / of.max(1) as f64) as u64, total);
+        };
+        let inner = control.silent().with_progress(&progress);
+        let draw = Draw::new(self.seed, Pass::Judge(pass));
+        let diagnostics = bound.predict(points, draw, out, &inner).map_err(RefineError::judge)?;
+        if out.par_iter().any(|v| !v.is_finite()) {
+            return Err(RefineError::invalid("prediction", "a radiance is not finite"));
+        }
+        meter.done += points.len() as u64;
+        Ok(diagnostics.paths)
+    }
+
+    fn surface_halves(
+        &self,
+        all: &[u32],
+        passes: u32,
+        bound: &dyn BoundPredictor,
+        meter: &mut Meter<'_>,
+        paths: &mut u64,
+    ) -> Result<Halves, RefineError> {
+        let viewing = self.input.viewing;
+        let halves = passes.min(2);
+        let scale = f64::from(halves) / f64::from(passes);
+        let mut sums = vec![vec![[0.0f64; 3]; all.len()]; halves as usize];
+        let mut radiance = vec![0.0; all.len() * viewing.channels()];
+        for pass in 0..passes {
+            *paths += self.pass(all, pass, &mut radiance, bound, meter)?;
+            let values = radiance.par_chunks_exact(viewing.channels());
+            sums[(pass % halves) as usize].par_iter_mut().zip(values).for_each(|(sum, l)| {
+                let rgb = viewing.relative_rgb(l);
+                (0..3).for_each(|c| sum[c] += f64::from(rgb[c]));
+            });
+        }
+        Ok(sums
+            .into_iter()
+            .map(|half| half.into_iter().map(|sum| sum.map(|v| (v * scale) as f32)).collect())
+            .collect())
+    }
+
+    fn point_halves(
+        &self,
+        passes: std::ops::Range<u32>,
+        bound: &dyn BoundPredictor,
+        meter: &mut Meter<'_>,
+        paths: &mut u64,
+    ) -> Result<[Vec<f32>; 2], RefineError> {
+        let values = self.points.len() * self.input.viewing.channels();
+        let count = passes.len();
+        let mut sums = [vec![0.0f64; values], vec![0.0f64; values]];
+        let mut radiance = vec![0.0; values];
+        for (i, pass) in passes.enumerate() {
+            *paths += self.pass(&self.points, pass, &mut radiance, bound, meter)?;
+            sums[i % 2].iter_mut().zip(&radiance).for_each(|(sum, &v)| *sum += f64::from(v));
+        }
+        if count == 1 {
+            return Ok([radiance.clone(), radiance]);
+        }
+        let scale = 2.0 / count as f64;
+        Ok(sums.map(|half| half.into_iter().map(|sum| (sum * scale) as f32).collect()))
+    }
+
+    fn voxel_errors(&self, halves: &[Vec<f32>; 2]) -> Errors {
+        let JudgeInput { viewing, target, printable_target, .. } = self.input;
+        let rgb = |values: &[f32]| -> Vec<[f32; 3]> {
+            values.chunks_exact(viewing.channels()).map(|l| viewing.relative_rgb(l)).collect()
+        };
+        let halves = halves.iter().map(|half| rgb(half)).collect::<Vec<_>>();
+        let mean = lab_of(&mean_of(&halves));
+        let at_points =
+            |all: &[[f32; 3]]| lab_of(&self.points.iter().map(|&p| all[p as usize]).collect::<Vec<_>>());
+        let against = |all: &[[f32; 3]]| ErrorStats::of(differences(&mean, &at_points(all)));
+        Errors {
+            printable: against(printable_target),
+            raw: against(target),
+            noise: mean_noise(&noise_of(&halves)),
+        }
+    }
+
+    fn smoothed_errors(
+        &self,
+        mut halves: Halves,
+        errors: &mut StateErrors,
+        control: &Control<'_>,
+    ) -> Result<(), RefineError> {
+        let mut energy = vec![[0.0f32; 3]; if halves.len() > 1 { self.classes.len() } else { 0 }];
+        let mut found = Vec::with_capacity(RADII_MM.len());
+        let mut from = 0.0;
+        for (i, to) in RADII_MM.into_iter().enumerate() {
+            for half in &mut halves {
+                *half = self.smoother.widen(std::mem::take(half), from, to, control)?;
+            }
+            from = to;
+            let mean = lab_of(&mean_of(&halves));
+            let noise = noise_of(&halves);
+            energy.iter_mut().zip(&noise).for_each(|(energy, noise)| energy[i] = noise * noise);
+            let [printable, target] = &self.targets[i];
+            found.push((differences(&mean, printable), differences(&mean, target), mean_noise(&noise)));
+            if i == VIEWED {
+                errors.sharpness = self.sharpness(&mean, control)?;
+            }
+        }
+        let energy = self.smoother.widen(energy, 0.0, NOISE_MM, control)?;
+        for (i, (printable, raw, noise)) in found.into_iter().enumerate() {
+            let [printable, raw] = [printable, raw].map(|differences| without_noise(differences, &energy, i));
+            if i == VIEWED {
+                errors.color_classes = self.class_errors(&printable, &raw);
+            }
+            let state = Errors { printable: ErrorStats::of(printable), raw: ErrorStats::of(raw), noise };
+            *[&mut errors.at_0_045_mm, &mut errors.at_0_1_mm, &mut errors.at_0_2_mm][i] = state;
+        }
+        Ok(())
+    }
+
+    fn sharpness(&self, shown: &[[f32; 3]], control: &Control<'_>) -> Result<Sharpness, RefineError> {
+        let shown = contrast(&self.low_pass, shown, control)?;
+        let [(slope, edges), (raw, _)] = [0, 1].map(|i| slope(&shown, &self.contrasts[i]));
+        Ok(Sharpness { slope, raw, edges })
+    }
+
+    fn class_errors(&self, printable: &[f32], raw: &[f32]) -> Vec<ClassErrors> {
+        let of = |class: ColorClass| {
+            let values = |all: &[f32]| -> Vec<f32> {
+                self.classes.iter().zip(all).filter(|(c, _)| **c == class).map(|(_, v)| *v).collect()
+            };
+            let stats = ErrorStats::of(values(printable));
+            let share = stats.count as f64 / self.classes.len().max(1) as f64;
+            let raw = ErrorStats::of(values(raw)).mean;
+            (stats.count > 0).then_some(ClassErrors { class, share, mean: stats.mean, p95: stats.p95, raw })
+        };
+        ColorClass::ALL.into_iter().filter_map(of).collect()
+    }
+}
+
+/// Distinct positions below `all`, ascending: those with the least random numbers.
+fn draw_points(seed: u64, all: usize, wanted: usize) -> Vec<u32> {
+    let mut keyed: Vec<(u64, u32)> =
+        (0..all as u32).map(|p| (hash(seed, POINTS, u64::from(p), 0), p)).collect();
+    if wanted < all {
+        keyed.select_nth_unstable(wanted);
+        keyed.truncate(wanted);
+    }
+    let mut points: Vec<u32> = keyed.into_iter().map(|(_, p)| p).collect();
+    points.sort_unstable();
+    points
+}
+
+fn mean_of(halves: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
+    match halves {
+        [a, b] => a.par_iter().zip(b).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect(),
+        halves => halves.first().cloned().unwrap_or_default(),
+    }
+}
+
+/// CIEDE2000 that is noise in the mean of two halves, by voxel: they differ by twice the error of their mean. Empty of
+/// one pass.
+fn noise_of(halves: &[Vec<[f32; 3]>]) -> Vec<f32> {
+    match halves {
+        [a, b] => differences(&lab_of(a), &lab_of(b)).into_iter().map(|d| 0.5 * d).collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn mean_noise(noise: &[f32]) -> f64 {
+    noise.iter().map(|&v| f64::from(v)).sum::<f64>() / noise.len().max(1) as f64
+}
+
+/// Takes the energy of the noise at a radius out of differences.
+fn without_noise(mut differences: Vec<f32>, energy: &[[f32; 3]], radius: usize) -> Vec<f32> {
+    differences
+        .iter_mut()
+        .zip(energy)
+        .for_each(|(d, energy)| *d = (*d * *d - energy[radius]).max(0.0).sqrt());
+    differences
+}
+
+/// L* less its mean over about a millimetre.
+fn contrast(low_pass: &LowPass, lab: &[[f32; 3]], control: &Control<'_>) -> Result<Vec<f32>, RefineError> {
+    let lightness: Vec<f32> = lab.iter().map(|lab| lab[0]).collect();
+    let mut low = low_pass.apply(&lightness, control)?;
+    low.iter_mut().zip(&lightness).for_each(|(low, l)| *low = l - *low);
+    Ok(low)
+}
+
+/// Regression slope through zero of `shown` on `target` at the target's edges, and the edges' share.
+fn slope(shown: &[f32], target: &[f32]) -> (Option<f64>, f64) {
+    let (mut products, mut squares, mut edges) = (0.0, 0.0, 0u64);
+    for (&shown, &target) in shown.iter().zip(target).filter(|(_, t)| t.abs() >= Sharpness::LEAST_CONTRAST) {
+        products += f64::from(shown) * f64::from(target);
+        squares += f64::from(target) * f64::from(target);
+        edges += 1;
+    }
+    ((edges > 0).then_some(products / squares), edges as f64 / target.len().max(1) as f64)
+}
