@@ -84,7 +84,16 @@ impl Record {
 
     /// What differs between this record and that of an earlier job, in words; `None` where nothing does.
     pub fn difference(&self, earlier: &Self) -> Option<String> {
-        let value = |record: &Self| serde_json::to_value(record).unwrap_or_default();
+        let value = |record: &Self| {
+            let mut value = serde_json::to_value(record).unwrap_or_default();
+            // Where the instructions do not matter, another processor may go on.
+            if record.predictor.exact
+                && let Some(predictor) = value["predictor"].as_object_mut()
+            {
+                predictor.remove("instruction_set");
+            }
+            value
+        };
         difference("", &value(earlier), &value(self))
     }
 }
