@@ -36,7 +36,7 @@ fn sphere(diameter_mm: f64) -> LabelGrid {
         }
         let mut labels = Box::new([0; TILE_VOXELS]);
         for (i, label) in labels.iter_mut().enumerate() {
-            let local = [i % TILE, i / TILE % TILE, i / TILE / TILE];
+            let local = Tile::coords(i);
             let c = frame.centre_mm(std::array::from_fn(|a| corner[a] + local[a] as i64));
             *label = 5 * u8::from(c.iter().map(|v| v * v).sum::<f64>() <= r2);
         }

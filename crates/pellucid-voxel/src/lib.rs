@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`pitch`] | voxel edge lengths and the frame that places a grid in millimetres |
 //! | [`material`] | scattering and absorption coefficients of the print materials |
-//! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel |
+//! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel; dense arrays and bytes from and to it |
 //! | [`surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
 //! | [`sat`] | exact summed-area tables over material counts: [`CountSat`] |

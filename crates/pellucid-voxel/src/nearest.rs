@@ -5,8 +5,9 @@ use std::sync::atomic::AtomicU64;
 
 use rayon::prelude::*;
 
+use crate::grid::tile_coords;
 use crate::nearest_block::Plan;
-use crate::{Control, Frame, LabelGrid, Surface, TILE, TILE_VOXELS, VoxelError};
+use crate::{Control, Frame, LabelGrid, Surface, TILE, TILE_VOXELS, Tile, VoxelError};
 
 /// Marks a tile without entries.
 const NO_SLOT: u32 = u32::MAX;
@@ -110,6 +111,35 @@ impl NearestSurface {
         self.slots.get(tile_index).and_then(|&slot| self.tiles.get(slot as usize)).map(|tile| &**tile)
     }
 
+    /// The voxels with an entry in a tile, by its position in [`LabelGrid::tiles`], ordered `[z][y][x]`: each with
+    /// the index of its nearest surface voxel and the squared distance to it in mm².
+    ///
+    /// ```
+    /// use pellucid_voxel::{Control, Frame, LabelGrid, NearestSurface, Pitch, Surface, SurfaceOptions};
+    /// let frame = Frame::new([0.0; 3], Pitch::new([0.1; 3])?, [48, 48, 48])?;
+    /// let grid = LabelGrid::from_fn(frame, |_| 5);
+    /// let control = Control::none();
+    /// let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control)?;
+    /// let nearest = NearestSurface::build(&grid, &surface, 0.35, &control)?;
+    /// let below_the_top = grid.tile_index([1, 1, 2]);
+    /// for (voxel, point, squared_mm) in nearest.entries(below_the_top) {
+    ///     assert_eq!(surface.voxels()[point as usize], [voxel[0], voxel[1], 47]);
+    ///     assert!(squared_mm <= 0.35 * 0.35);
+    /// }
+    /// assert_eq!(nearest.entries(below_the_top).count(), 16 * 16 * 4);
+    /// # Ok::<(), pellucid_voxel::VoxelError>(())
+    /// ```
+    pub fn entries(&self, tile_index: usize) -> impl Iterator<Item = ([u32; 3], u32, f64)> + '_ {
+        self.tile(tile_index).into_iter().flat_map(move |entries| {
+            let corner = tile_coords(self.tile_dims, tile_index).map(|v| v * TILE as u32);
+            entries.iter().enumerate().filter(|&(_, &point)| point != Self::NONE).map(move |(i, &point)| {
+                let local = Tile::coords(i);
+                let voxel = std::array::from_fn(|a| corner[a] + local[a] as u32);
+                (voxel, point, self.squared_mm(voxel, point))
+            })
+        })
+    }
+
     /// The index of the surface voxel nearest to a voxel; `None` for air, deeper voxels and
     /// voxels outside the grid.
     #[inline]
@@ -128,11 +158,13 @@ impl NearestSurface {
     /// The distance in mm from a voxel's centre to that of its nearest surface voxel; 0 on the
     /// surface, `None` where [`NearestSurface::nearest`] is.
     pub fn distance_mm(&self, voxel: [u32; 3]) -> Option<f64> {
-        let surface = self.surface[self.nearest(voxel)? as usize];
+        Some(self.squared_mm(voxel, self.nearest(voxel)?).sqrt())
+    }
+
+    fn squared_mm(&self, voxel: [u32; 3], point: u32) -> f64 {
+        let surface = self.surface[point as usize];
         let mm = self.frame.pitch().mm();
-        let squared: f64 =
-            (0..3).map(|a| ((f64::from(voxel[a]) - f64::from(surface[a])) * mm[a]).powi(2)).sum();
-        Some(squared.sqrt())
+        (0..3).map(|a| ((f64::from(voxel[a]) - f64::from(surface[a])) * mm[a]).powi(2)).sum()
     }
 
     /// Number of tiles with entries.
@@ -150,7 +182,7 @@ impl NearestSurface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Pitch, SurfaceOptions, Tile};
+    use crate::{Pitch, SurfaceOptions};
     use proptest::prelude::*;
 
     /// Nearest surface index by comparing with every surface voxel in whole numbers.
@@ -172,11 +204,18 @@ mod tests {
     ) -> Result<(), TestCaseError> {
         let depth = (limit as f64).sqrt() * unit_mm;
         let nearest = NearestSurface::build(grid, surface, depth, &Control::none()).unwrap();
+        let mut listed = 0;
+        for (v, point, squared_mm) in (0..grid.tiles().len()).flat_map(|i| nearest.entries(i)) {
+            prop_assert_eq!(nearest.nearest(v), Some(point));
+            prop_assert_eq!(nearest.distance_mm(v), Some(squared_mm.sqrt()));
+            listed += 1;
+        }
         let [sx, sy, sz] = grid.size();
         for z in 0..sz {
             for y in 0..sy {
                 for x in 0..sx {
                     let v = [x, y, z];
+                    listed -= i64::from(nearest.nearest(v).is_some());
                     let expected =
                         if grid.get(v) == 0 { None } else { brute_force(surface, weights, limit, v) };
                     prop_assert_eq!(nearest.nearest(v), expected, "voxel {:?} depth {}", v, depth);
@@ -193,6 +232,7 @@ mod tests {
                 }
             }
         }
+        prop_assert_eq!(listed, 0);
         Ok(())
     }
 

@@ -170,21 +170,13 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{AIR, Control, Frame, Pitch, Surface, SurfaceOptions, TILE_VOXELS, Tile};
+    use crate::{Control, Frame, Pitch, Surface, SurfaceOptions, Tile};
 
     /// A grid about the origin, `half` mm to each side, solid where `solid` says so.
     fn carve(pitch: Pitch, half: f64, solid: impl Fn([f64; 3]) -> bool + Sync) -> LabelGrid {
         let size = pitch.mm().map(|p| (2.0 * half / p).ceil() as u32);
         let frame = Frame::new([-half; 3], pitch, size).unwrap();
-        LabelGrid::from_tiles(frame, |t| {
-            let mut labels = Box::new([AIR; TILE_VOXELS]);
-            for (i, label) in labels.iter_mut().enumerate() {
-                let local = [i % TILE, i / TILE % TILE, i / TILE / TILE];
-                let at = std::array::from_fn(|a| (t[a] as usize * TILE + local[a]) as i64);
-                *label = u8::from(solid(frame.centre_mm(at)));
-            }
-            Tile::Dense(labels)
-        })
+        LabelGrid::from_fn(frame, |v| u8::from(solid(frame.centre_mm(v.map(i64::from)))))
     }
 
     fn surface(grid: &LabelGrid) -> Surface {

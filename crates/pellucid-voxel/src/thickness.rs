@@ -105,20 +105,12 @@ fn solid_run(grid: &LabelGrid, voxel: [u32; 3], direction: [f64; 3], max_mm: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Frame, Pitch, SurfaceOptions, TILE_VOXELS};
+    use crate::{Frame, Pitch, SurfaceOptions};
 
     fn carve(half: f64, solid: impl Fn([f64; 3]) -> bool + Sync) -> LabelGrid {
         let size = Pitch::j750().mm().map(|p| (2.0 * half / p).ceil() as u32);
         let frame = Frame::new([-half; 3], Pitch::j750(), size).unwrap();
-        LabelGrid::from_tiles(frame, |t| {
-            let mut labels = Box::new([AIR; TILE_VOXELS]);
-            for (i, label) in labels.iter_mut().enumerate() {
-                let local = [i % TILE, i / TILE % TILE, i / TILE / TILE];
-                let at = std::array::from_fn(|a| (t[a] as usize * TILE + local[a]) as i64);
-                *label = u8::from(solid(frame.centre_mm(at)));
-            }
-            Tile::Dense(labels)
-        })
+        LabelGrid::from_fn(frame, |v| u8::from(solid(frame.centre_mm(v.map(i64::from)))))
     }
 
     fn thickness(grid: &LabelGrid, max_mm: f64) -> (Surface, Vec<f32>) {

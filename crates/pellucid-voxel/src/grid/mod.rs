@@ -1,5 +1,10 @@
 //! The sparse tiled label grid.
 
+#[cfg(feature = "ndarray")]
+mod array;
+mod codec;
+mod dense;
+
 use rayon::prelude::*;
 
 use crate::{Frame, VoxelError};
@@ -28,6 +33,16 @@ impl Tile {
             Tile::Constant(label) => *label,
             Tile::Dense(labels) => labels[(z * TILE + y) * TILE + x],
         }
+    }
+
+    /// Tile-local coordinates `[x, y, z]` of a position in a dense tile.
+    ///
+    /// ```
+    /// assert_eq!(pellucid_voxel::Tile::coords(2 * 256 + 3 * 16 + 4), [4, 3, 2]);
+    /// ```
+    #[inline]
+    pub const fn coords(position: usize) -> [usize; 3] {
+        [position % TILE, position / TILE % TILE, position / TILE / TILE]
     }
 }
 
