@@ -1,11 +1,9 @@
 //! The labels of one small job, pinned: a change that is meant to keep them shows at once when it does not.
 
-use std::sync::atomic::AtomicBool;
-
-use pellucid::mesh::voxelise::Scale;
+use pellucid::mesh::Scale;
+use pellucid::refine::Effort;
 use pellucid::slice::PrintTarget;
-use pellucid::stage::Silent;
-use pellucid::{PredictorKind, PrintJob, PrintSettings};
+use pellucid::{Monitor, PredictorKind, PrintJob, PrintSettings, Workspace};
 use pellucid_tests::{label_digest, patched_ball};
 
 /// The printer's profile as it is written here, so that a better one of the library's changes nothing.
@@ -22,20 +20,19 @@ const PRINTER: &str = r#"{
 fn labels_of_a_small_job_stay_as_they_are() {
     let mut settings = PrintSettings {
         scale: Scale::HeightMm(3.0),
-        target: PrintTarget::from_json(PRINTER).unwrap(),
+        printer: PrintTarget::from_json(PRINTER).unwrap(),
         predictor: PredictorKind::MonteCarlo,
         spp: 8,
         seed: 5,
-        evaluation_points: 20,
-        evaluation_spp: 2,
-        proof_spp: 1,
+        judge: Effort { points: 20, point_passes: 2, surface_passes: 2 },
+        judge_spp: 1,
         proof_edge: 16,
         ..PrintSettings::default()
     };
     settings.refine.iterations = 3;
     let job = PrintJob::new(settings).unwrap();
-    let prepared = job.prepare(&patched_ball(), &Silent, &AtomicBool::new(false)).unwrap();
-    let digests = [&prepared.unrefined, &prepared.grid].map(label_digest);
+    let prepared = job.prepare(&patched_ball(), &Workspace::none(), &Monitor::silent()).unwrap();
+    let digests = [&prepared.refined.unrefined, &prepared.refined.labels].map(label_digest);
     assert_eq!(
         digests,
         [10_201_966_626_067_112_231, 3_577_869_679_014_067_229],

@@ -6,7 +6,7 @@ use crate::topology::Topology;
 /// Findings about a model's mesh at its print size, after vertices that meet in position were
 /// joined.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MeshReport {
     /// Distinct vertex positions.
     pub vertices: u64,

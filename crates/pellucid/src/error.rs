@@ -55,7 +55,7 @@ pub enum PrintError {
     Slice(pellucid_slice::SliceError),
     /// The output folder may not be written.
     #[error(transparent)]
-    Staging(#[from] pellucid_core::StagingError),
+    Staging(#[from] pellucid_core::staging::StagingError),
     /// The caller asked for the job to stop.
     #[error("cancelled")]
     Cancelled,

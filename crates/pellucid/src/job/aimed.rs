@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use pellucid_color::gamut::{DEFAULT_THICKNESSES_MM, ThicknessGamut};
 use pellucid_color::mixture::table::DEFAULT_NODES;
-use pellucid_color::{Gamut, MatchOptions, MixtureModel, Rendering, RenderingIntent, Viewing};
+use pellucid_color::{Gamut, MatchOptions, MediaWhite, MixtureModel, Rendering, RenderingIntent, Viewing};
 use pellucid_core::Control;
 use pellucid_mesh::MeshReport;
 use pellucid_predict::Object;
@@ -79,7 +79,7 @@ impl PrintJob {
         let s = &self.settings;
         let (gamut, by_thickness) = self.gamuts(control)?;
         let viewing = gamut.model().viewing();
-        let white = gamut.model().white_rgb();
+        let white = MediaWhite::new(gamut.model().media_white())?;
         let intent = match s.absolute {
             true => RenderingIntent::AbsoluteColorimetric,
             false => RenderingIntent::RelativeColorimetric,

@@ -1,7 +1,7 @@
 //! The fourth artefact: what fresh paths say of the labels before and after, and what they look like.
 
 use pellucid_core::Control;
-use pellucid_predict::{Changed, Draw, Pass, Predictor};
+use pellucid_predict::Predictor;
 use pellucid_proof::{Picture, View, Visibility};
 use pellucid_refine::{Evaluation, Judge, JudgeInput};
 use pellucid_voxel::LabelGrid;
@@ -109,6 +109,8 @@ impl PrintJob {
         points: &[u32],
         control: &Control<'_>,
     ) -> Result<Option<Vec<f32>>, PrintError> {
+        use pellucid_predict::{Changed, Draw, Pass};
+
         if self.settings.predictor != crate::PredictorKind::Rpnn {
             return Ok(None);
         }

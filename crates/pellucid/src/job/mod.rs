@@ -19,7 +19,7 @@ use crate::{Monitor, PrintError, PrintSettings, Record, Workspace, predictors};
 pub use aimed::{Aimed, SharedInk};
 pub use judged::{Judged, ProofView};
 pub use placed::Placed;
-pub use prepared::{OWN_FILES, Prepared};
+pub use prepared::{Prepared, own_files};
 pub use refined::Refined;
 
 /// Prepares prints: settings that were checked once.
@@ -54,10 +54,12 @@ impl PrintJob {
     pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
         let white = settings.check()?;
         settings.refine.seed = settings.seed;
-        let labels: Vec<u8> = (1..=settings.materials.len() as u8).collect();
-        pellucid_slice::check_materials(&settings.printer, &settings.materials, &labels)?;
+        pellucid_slice::check_materials(
+            &settings.printer,
+            &settings.materials,
+            1..=settings.materials.len() as u8,
+        )?;
         let predictor = predictors::predictor(&settings)?;
-        predictor.supports_voxels(settings.printer.pitch(), settings.refractive_index)?;
         Ok(Self { settings, white, predictor })
     }
 
@@ -71,7 +73,7 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Staging`] when the folder exists and may not be replaced.
     pub fn check_output(&self, dir: &Path, force: bool) -> Result<(), PrintError> {
-        Ok(staging::check(dir, force, &OWN_FILES)?)
+        Ok(staging::check(dir, force, &own_files())?)
     }
 
     /// Does the whole job in memory; `workspace` keeps what is done, in case the process ends early.

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use pellucid_core::files::write_whole_bytes;
-use pellucid_core::{FileError, StagedDir};
+use pellucid_core::{Control, FileError};
+use pellucid_core::staging::{OwnFiles, StagedDir};
 use pellucid_proof::{contact_sheet, write_exr};
-use pellucid_slice::{ExportSettings, write_stack};
+use pellucid_slice::{ExportSettings, Recorded, write_stack};
 
 use crate::job::{Aimed, Judged, Refined};
 use crate::stage::Stage;
@@ -15,7 +16,9 @@ use crate::{Monitor, PrintError, Record, Report};
 const COLUMNS: [&str; 3] = ["target", "unrefined", "refined"];
 
 /// What a prepared print consists of; only a folder of these is ever replaced.
-pub const OWN_FILES: [&str; 5] = ["slices", "manifest.json", "report.json", "proof.png", "proof.exr"];
+pub fn own_files() -> OwnFiles {
+    pellucid_slice::own_files().and(["report.json", "proof.png", "proof.exr"])
+}
 
 /// A prepared print in memory.
 #[non_exhaustive]
@@ -59,40 +62,38 @@ impl Prepared {
     /// [`PrintError::Staging`] when `dir` exists and `force` does not allow its replacement or it holds other files,
     /// [`PrintError::Slice`], [`PrintError::Proof`], [`PrintError::Io`]; nothing is left behind then.
     pub fn write(&self, dir: &Path, force: bool, monitor: &Monitor<'_>) -> Result<Report, PrintError> {
-        let staged = StagedDir::begin(dir, force, &OWN_FILES)?;
-        let record = serde_json::to_value(&self.record).map_err(unwritable(staged.path()))?;
+        let staged = StagedDir::begin(dir, force, &own_files())?;
         let settings = ExportSettings {
+            force,
             seed: self.record.settings.seed,
             generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
-            settings: record,
+            settings: Recorded::of(&self.record)?,
         };
         let (materials, printer) = (&self.record.settings.materials, &self.record.settings.printer);
         monitor.run(Stage::Slices, |c| {
             write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
         })?;
-        self.write_proof(staged.path())?;
+        monitor.run(Stage::Proof, |c| self.write_proof(staged.path(), c))?;
         let report = self.report(monitor);
         let path = staged.path().join("report.json");
-        let mut text = serde_json::to_vec_pretty(&report).map_err(unwritable(&path))?;
+        let mut text = serde_json::to_vec_pretty(&report)
+            .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
         text.push(b'\n');
         write_whole_bytes(&path, &text)?;
         staged.commit()?;
         Ok(report)
     }
 
-    fn write_proof(&self, dir: &Path) -> Result<(), PrintError> {
+    fn write_proof(&self, dir: &Path, control: &Control<'_>) -> Result<(), PrintError> {
+        let control = &control.silent();
         let rows: Vec<Vec<_>> = self.judged.views.iter().map(|v| v.pictures.to_vec()).collect();
-        contact_sheet(&rows).write_png(&dir.join("proof.png"))?;
+        contact_sheet(&rows, control)?.write_png(dir.join("proof.png"), control)?;
         let layers: Vec<(String, &pellucid_proof::Picture)> = self
             .judged
             .views
             .iter()
             .flat_map(|v| COLUMNS.iter().zip(&v.pictures).map(|(c, p)| (format!("{c}.{}", v.name), p)))
             .collect();
-        Ok(write_exr(&dir.join("proof.exr"), &layers)?)
+        Ok(write_exr(dir.join("proof.exr"), &layers, control)?)
     }
-}
-
-fn unwritable(path: &Path) -> impl FnOnce(serde_json::Error) -> PrintError {
-    move |error| FileError::at("write", path)(std::io::Error::other(error)).into()
 }

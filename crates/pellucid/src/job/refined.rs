@@ -71,7 +71,7 @@ impl PrintJob {
             }
             Ok::<_, PrintError>(refinement.finish(&mut labels, &control.silent())?)
         })?;
-        let outside = refined.report.outside_training;
+        let outside = refined.report.iterations.last().map_or(0, |last| last.outside_training);
         if outside > 0 {
             monitor.warn(&format!(
                 "{outside} predictions have coefficients around them that the network was not trained for"
