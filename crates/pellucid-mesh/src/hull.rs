@@ -228,7 +228,7 @@ mod tests {
             scene(&bodies.iter().map(|b| (b.clone(), RED, 0)).chain(hulls).collect::<Vec<_>>(), &[])
         };
         assert_eq!(kept(parts(&hulls)), (n, 1));
-        assert_eq!(kept(parts(&[around.clone()])), (n, 1));
+        assert_eq!(kept(parts(std::slice::from_ref(&around))), (n, 1));
         assert_eq!(kept(parts(&hulls.clone().map(|h| h.keeping(|i, _| i % 30 > 0)))), (n, 1));
         // An open box shows its inside.
         let open = around.keeping(|_, t| t.iter().any(|p| p[2] < 3.0));

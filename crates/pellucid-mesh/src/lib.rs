@@ -26,6 +26,7 @@ mod hull;
 pub mod import;
 pub mod mesh_report;
 pub mod model;
+mod nearest;
 mod nesting;
 pub mod placed;
 pub mod placement;

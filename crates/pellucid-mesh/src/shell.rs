@@ -22,7 +22,8 @@ pub(crate) enum Role {
 pub(crate) struct Shell {
     /// Kept triangles, ascending.
     pub triangles: Vec<u32>,
-    /// Triangles that close the holes; with them every edge runs as often one way as the other.
+    /// Triangles that close the holes; with them every edge runs as often one way as the other. The
+    /// third corner is the apex over the hole.
     pub caps: Vec<[Vec3; 3]>,
     /// Holes: connected boundary curves.
     pub holes: u64,

@@ -64,7 +64,8 @@ impl Topology {
                 triangles[t as usize].swap(1, 2);
                 reversed[t as usize] ^= true;
             }
-            shell.caps.iter_mut().for_each(|c| c.swap(1, 2));
+            // The apex stays the third corner.
+            shell.caps.iter_mut().for_each(|c| c.swap(0, 1));
         }
         Self {
             vertices,
@@ -96,7 +97,7 @@ impl Topology {
         self.shells.iter().filter(|s| s.role == Role::Wall)
     }
 
-    /// The caps of the shells that bound the solid.
+    /// The caps of the shells that bound the solid; the third corner is the apex over their hole.
     pub fn caps(&self) -> Vec<[Vec3; 3]> {
         self.walls().flat_map(|s| s.caps.iter().copied()).collect()
     }

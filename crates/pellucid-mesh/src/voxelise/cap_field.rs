@@ -5,8 +5,8 @@
 //! add up), so that only c has to be evaluated as a field, and only where it can matter: next to
 //! holes. On a closed mesh there is nothing to evaluate.
 
-use crate::bvh::Bvh;
-use crate::geometry::{Bounds, Vec3, cross, dot, length, scale, sub};
+use crate::bvh::{Bvh, Node};
+use crate::geometry::{Bounds, Vec3, area_vector, cross, dot, length, scale, sub};
 use crate::winding::{WindingTree, triangle_winding};
 
 /// Up to this many caps are summed one by one.
@@ -18,26 +18,109 @@ const ERROR: f64 = 4e-3;
 pub(crate) struct CapField {
     caps: Vec<[Vec3; 3]>,
     tree: WindingTree,
-    /// Boundary edges: the sides of caps opposite to their apex.
-    edges: Vec<(Bounds, f64)>,
+    holes: Vec<Hole>,
+    hole_tree: Bvh,
+    /// What lies below each node of `hole_tree`.
+    sums: Vec<Extent>,
+}
+
+/// The caps over one hole.
+struct Hole {
+    bounds: Bounds,
+    extent: Extent,
+    /// Boundary edges, the sides of caps opposite to the apex.
+    edges: Vec<[Vec3; 2]>,
     edge_tree: Bvh,
-    /// Total edge length below each node of `edge_tree`.
-    edge_lengths: Vec<f64>,
+    /// Total length below each node of `edge_tree`.
+    lengths: Vec<f64>,
+}
+
+/// How much of holes there is.
+#[derive(Clone, Copy, Default)]
+struct Extent {
+    /// Length of the boundary.
+    length: f64,
+    /// Area of the caps.
+    area: f64,
+}
+
+impl Extent {
+    fn joined(self, other: Self) -> Self {
+        Self { length: self.length + other.length, area: self.area + other.area }
+    }
+
+    /// Most that the solid angle of whole holes changes per length at this squared distance from
+    /// their caps: by the Biot-Savart field of the boundary, or by the caps as sheets of dipoles,
+    /// each with a gradient of at most 2 area / distance^3.
+    fn gradient(self, distance2: f64) -> f64 {
+        (self.length / distance2).min(2.0 * self.area / (distance2 * distance2.sqrt()))
+    }
+}
+
+impl Hole {
+    fn new(caps: &[[Vec3; 3]]) -> Self {
+        let edges: Vec<[Vec3; 2]> = caps.iter().map(|c| [c[0], c[1]]).collect();
+        let edge_tree = Bvh::build(&edges.iter().map(|e| Bounds::of(*e)).collect::<Vec<_>>());
+        let span = |e: &[Vec3; 2]| length(sub(e[1], e[0]));
+        let below = |n: &Node| edge_tree.order()[n.range()].iter().map(|&e| span(&edges[e as usize])).sum();
+        let lengths: Vec<f64> = edge_tree.nodes().iter().map(below).collect();
+        let area = caps.iter().map(|c| length(area_vector(*c))).sum();
+        let extent = Extent { length: edges.iter().map(span).sum(), area };
+        let bounds = Bounds::of(caps.iter().flatten().copied());
+        Self { bounds, extent, edges, edge_tree, lengths }
+    }
+
+    /// Adds the bound on the gradient over a box to `sum`, until that passes `budget`.
+    fn add_gradient(&self, area: &Bounds, sum: &mut f64, budget: f64) {
+        let nodes = self.edge_tree.nodes();
+        let mut stack = vec![0u32];
+        while let Some(index) = stack.pop()
+            && *sum < budget
+        {
+            let node = &nodes[index as usize];
+            let d2 = node.bounds.distance2(area);
+            if d2 > length2(node.bounds.extent()) {
+                *sum += self.lengths[index as usize] / d2;
+            } else if node.is_leaf() {
+                let order = &self.edge_tree.order()[node.range()];
+                *sum += order.iter().map(|&e| edge_gradient(self.edges[e as usize], area)).sum::<f64>();
+            } else {
+                stack.extend([node.right, index + 1]);
+            }
+        }
+    }
+}
+
+/// Most that the Biot-Savart field of an edge is over a box: that of the whole line it lies on, 2 over
+/// the distance, or length over the distance squared.
+fn edge_gradient([a, b]: [Vec3; 2], area: &Bounds) -> f64 {
+    let span = length(sub(b, a));
+    if span == 0.0 {
+        return 0.0;
+    }
+    let (way, offset) = (sub(b, a), sub(area.centre(), a));
+    let nearest = scale(way, (dot(offset, way) / (span * span)).clamp(0.0, 1.0));
+    let from_centre = length(sub(offset, nearest)) - 0.5 * length(area.extent());
+    let distance = from_centre.max(Bounds::of([a, b]).distance2(area).sqrt());
+    if distance > 0.0 { (span / distance).min(2.0) / distance } else { f64::INFINITY }
+}
+
+fn length2(v: Vec3) -> f64 {
+    dot(v, v)
 }
 
 impl CapField {
-    /// Prepares caps whose third corner is the apex, in millimetres.
-    pub fn build(caps: Vec<[Vec3; 3]>) -> Self {
-        let edges: Vec<(Bounds, f64)> =
-            caps.iter().map(|c| (Bounds::of([c[0], c[1]]), length(sub(c[1], c[0])))).collect();
-        let boxes: Vec<Bounds> = edges.iter().map(|e| e.0).collect();
-        let edge_tree = Bvh::build(&boxes);
-        let edge_lengths = edge_tree
-            .nodes()
-            .iter()
-            .map(|n| edge_tree.order()[n.range()].iter().map(|&e| edges[e as usize].1).sum())
-            .collect();
-        Self { tree: WindingTree::build(&caps), caps, edges, edge_tree, edge_lengths }
+    /// Prepares caps whose third corner is the apex of their hole, in millimetres.
+    pub fn build(mut caps: Vec<[Vec3; 3]>) -> Self {
+        caps.sort_by_key(|c| c[2].map(f64::to_bits));
+        let holes: Vec<Hole> = caps.chunk_by(|a, b| a[2] == b[2]).map(Hole::new).collect();
+        let hole_tree = Bvh::build(&holes.iter().map(|h| h.bounds).collect::<Vec<_>>());
+        let below = |n: &Node| {
+            let all = hole_tree.order()[n.range()].iter();
+            all.fold(Extent::default(), |sum, &h| sum.joined(holes[h as usize].extent))
+        };
+        let sums = hole_tree.nodes().iter().map(below).collect();
+        Self { tree: WindingTree::build(&caps), caps, holes, hole_tree, sums }
     }
 
     /// No caps: the field is zero.
@@ -65,8 +148,8 @@ impl CapField {
     /// True when |c| < 1/2 all over a box, so that a point in it is solid exactly where the integer
     /// winding number of mesh and caps is not 0.
     ///
-    /// Away from the caps c is smooth, and its gradient is the Biot-Savart field of the boundary:
-    /// at most the sum of edge length / (4 pi distance^2).
+    /// Away from the caps c is smooth, and its gradient bounded by how much of holes there is at
+    /// which distance.
     pub fn negligible(&self, area: &Bounds) -> bool {
         if self.caps.is_empty() {
             return true;
@@ -82,20 +165,21 @@ impl CapField {
     /// Whether the bound on the gradient over a box stays below `limit`.
     fn gradient_below(&self, area: &Bounds, limit: f64) -> bool {
         let budget = limit * 4.0 * std::f64::consts::PI;
-        let nodes = self.edge_tree.nodes();
+        let nodes = self.hole_tree.nodes();
         let mut sum = 0.0;
         let mut stack = vec![0u32];
         while let Some(index) = stack.pop() {
             let node = &nodes[index as usize];
             let d2 = node.bounds.distance2(area);
-            let extent = node.bounds.extent();
-            if d2 > dot(extent, extent) {
-                sum += self.edge_lengths[index as usize] / d2;
+            if d2 > length2(node.bounds.extent()) {
+                sum += self.sums[index as usize].gradient(d2);
             } else if node.is_leaf() {
-                for &e in &self.edge_tree.order()[node.range()] {
-                    let (bounds, l) = &self.edges[e as usize];
-                    if *l > 0.0 {
-                        sum += l / bounds.distance2(area);
+                for hole in self.hole_tree.order()[node.range()].iter().map(|&h| &self.holes[h as usize]) {
+                    let d2 = hole.bounds.distance2(area);
+                    if d2 > length2(hole.bounds.extent()) {
+                        sum += hole.extent.gradient(d2);
+                    } else {
+                        hole.add_gradient(area, &mut sum, budget);
                     }
                 }
             } else {
@@ -140,15 +224,26 @@ mod tests {
         (0..n).map(|i| [ring(i), ring(i + 1), [0.1, 0.0, 0.3]]).collect()
     }
 
+    /// Cones over rings, spread around.
+    fn cones(n: usize, count: usize) -> Vec<[Vec3; 3]> {
+        let place = |k: usize, p: Vec3| {
+            let [dx, dy, dz] = [k % 4, k / 4 % 4, k / 16].map(|c| 0.7 * c as f64);
+            let s = if count == 1 { 1.0 } else { 0.2 };
+            [s * p[0] + dx, s * p[2] + dy, s * p[1] - dz]
+        };
+        (0..count).flat_map(|k| cone(n).into_iter().map(move |c| c.map(|p| place(k, p)))).collect()
+    }
+
     proptest! {
         #[test]
         fn a_negligible_box_holds_no_half(
             n in prop_oneof![Just(3usize), Just(24), Just(400)],
+            count in prop_oneof![Just(1usize), Just(40)],
             low in prop::array::uniform3(-1.5..1.5f64),
             edge in prop::array::uniform3(0.001..0.8f64),
             inside in prop::collection::vec(prop::array::uniform3(0.0..=1.0f64), 30),
         ) {
-            let field = CapField::build(cone(n));
+            let field = CapField::build(cones(n, count));
             let area = Bounds { min: low, max: std::array::from_fn(|k| low[k] + edge[k]) };
             if field.negligible(&area) {
                 for s in inside {

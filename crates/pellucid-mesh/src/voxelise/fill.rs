@@ -12,6 +12,8 @@ use crate::geometry::{Bounds, Vec3};
 
 /// Edge of the blocks within a tile that are tested against the cap field at once.
 const BLOCK: usize = 4;
+/// Edge of the blocks that those are divided in where it may decide.
+const SMALL: usize = 2;
 
 /// Signed crossings of every x-row of one slab of layers, by row, ascending along x.
 struct RowSlab {
@@ -206,19 +208,28 @@ fn decide(
 ) {
     let centre =
         |local: [usize; 3]| frame.centre_mm(std::array::from_fn(|a| i64::from(first[a]) + local[a] as i64));
-    let steps = || (0..TILE).step_by(BLOCK);
-    for (bz, by, bx) in steps().flat_map(|z| steps().flat_map(move |y| steps().map(move |x| (z, y, x)))) {
-        let area = Bounds { min: centre([bx, by, bz]), max: centre([bx, by, bz].map(|c| c + BLOCK - 1)) };
-        let plain = field.negligible(&area);
-        for z in bz..bz + BLOCK {
-            for y in by..by + BLOCK {
-                for x in bx..bx + BLOCK {
-                    let i = (z * TILE + y) * TILE + x;
-                    let solid =
-                        if plain { windings[i] != 0 } else { field.solid(centre([x, y, z]), windings[i]) };
-                    labels[i] = if solid { label } else { AIR };
-                }
-            }
+    let mut decide_one = |[x, y, z]: [usize; 3], plain: bool| {
+        let i = (z * TILE + y) * TILE + x;
+        let solid = if plain { windings[i] != 0 } else { field.solid(centre([x, y, z]), windings[i]) };
+        labels[i] = if solid { label } else { AIR };
+    };
+    let plain = |low: [usize; 3], edge: usize| {
+        field.negligible(&Bounds { min: centre(low), max: centre(low.map(|c| c + edge - 1)) })
+    };
+    for block in cells([0; 3], TILE, BLOCK) {
+        if plain(block, BLOCK) {
+            cells(block, BLOCK, 1).for_each(|v| decide_one(v, true));
+            continue;
+        }
+        for small in cells(block, BLOCK, SMALL) {
+            let plain = plain(small, SMALL);
+            cells(small, SMALL, 1).for_each(|v| decide_one(v, plain));
         }
     }
+}
+
+/// Low corners of the cells of one edge that fill a cube of another.
+fn cells(low: [usize; 3], cube: usize, cell: usize) -> impl Iterator<Item = [usize; 3]> {
+    let steps = move |a: usize| (low[a]..low[a] + cube).step_by(cell);
+    steps(2).flat_map(move |z| steps(1).flat_map(move |y| steps(0).map(move |x| [x, y, z])))
 }
