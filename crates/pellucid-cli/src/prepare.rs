@@ -91,7 +91,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         if matches!(args.predictor, Predictor::Mc) {
             return Err(Failure::Error("--weights are the network's; leave --predictor mc out".into()));
         }
-        let read = pellucid::rpnn::file::load(path).map_err(|e| Failure::Error(e.to_string()))?;
+        let read = pellucid::rpnn::file::load(path).map_err(|e| Failure::Error(pellucid_core::chain(&e)))?;
         settings.weights = Some(Arc::new(read));
     }
     settings.scale = args.height_mm.map_or(Scale::Native, Scale::HeightMm);

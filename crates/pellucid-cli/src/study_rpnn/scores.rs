@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use pellucid::color::space::lab_of_linear_rgb;
 use pellucid::color::{DeltaEStats, delta_e::delta_e_2000_of};
-use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
 use pellucid::dataset::{LabelledSet, ShapeClass};
+use pellucid::dataset::{STENCIL_VALUES, Sampler};
 use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::rpnn::train::Score;
 use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
