@@ -1,5 +1,6 @@
-//! What the benchmarks share: test volumes and the dense tables that they compare with.
+//! What the benchmarks share: test volumes, the dense tables that they compare with, plots.
 #![forbid(unsafe_code)]
 
 pub mod dense;
+pub mod plot;
 pub mod volumes;

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use pellucid::dataset::set_file::{SetHeader, Shard};
-use pellucid::dataset::{self, DatasetError, Recipe};
+use pellucid::dataset::{self, DatasetError, Recipe, SetHeader, Shard};
 use pellucid::voxel::{Control, MaterialTable};
+use pellucid_core::{FileError, chain};
 
 use crate::Failure;
 
@@ -79,7 +79,7 @@ pub fn run(command: &Command, cancel: &AtomicBool) -> Result<(), Failure> {
     };
     done.map_err(|error| match error {
         DatasetError::Cancelled => Failure::Cancelled,
-        other => Failure::Error(other.to_string()),
+        other => Failure::Error(chain(&other)),
     })
 }
 
@@ -90,8 +90,7 @@ fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), DatasetError
     } else {
         args.split.clone()
     };
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| DatasetError::Io { path: args.out.clone(), reason: e.to_string() })?;
+    std::fs::create_dir_all(&args.out).map_err(FileError::at("create", &args.out))?;
     for split in splits {
         let header = SetHeader {
             recipe: recipe.clone(),

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use pellucid::dataset::generate::labels_of;
-use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
-use pellucid::dataset::{LabelledSet, Recipe, StoredVolumes, Stream, StreamOptions};
+use pellucid::dataset::{
+    LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, StoredVolumes, Stream, StreamOptions,
+};
 use pellucid::rpnn::file::{Provenance, save};
 use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
 use pellucid::rpnn::transform::{InputForm, LevelOrder};
@@ -35,7 +35,7 @@ pub struct Args {
     /// Files made by `pellucid dataset generate`, all parts of one split, to train on instead
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["recipe", "split", "spp", "points"])]
     stored: Vec<PathBuf>,
-    /// Folder for weights.safetensors, the checkpoint run.safetensors, curve.csv and curve.svg
+    /// Folder for weights.safetensors, the checkpoint run.safetensors and curve.csv
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Architecture
@@ -191,7 +191,11 @@ impl SampleSource for Source<'_> {
 /// Runs the command.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     train(args, cancel).map_err(|e| {
-        if cancel.load(Ordering::Relaxed) { Failure::Cancelled } else { Failure::Error(e.to_string()) }
+        if cancel.load(Ordering::Relaxed) {
+            Failure::Cancelled
+        } else {
+            Failure::Error(pellucid_core::chain(e.as_ref()))
+        }
     })
 }
 
@@ -246,7 +250,7 @@ fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
     let mut saved = start;
     let write = |trainer: &Trainer| -> Result<(), RpnnError> {
         trainer.save(&state)?;
-        trainer.curve().write(&args.out)?;
+        trainer.curve().write_csv(&args.out.join("curve.csv"))?;
         save(&args.out.join("weights.safetensors"), &trainer.averaged()?, &provenance(trainer))
     };
     let run = trainer.run(&mut source, |trainer, report| {
@@ -346,14 +350,14 @@ fn labelled(
     control: &Control<'_>,
 ) -> Result<Set, Error> {
     let sampler = Sampler::new(recipe, split, materials, boundary)?;
-    let (volumes, points, labels) =
-        (sampler.split().volumes, sampler.split().points, labels_of(sampler.split()));
+    let (volumes, points, labelling) =
+        (sampler.split().volumes, sampler.split().points, Labelling::of(sampler.split()));
     let made = (0..volumes)
         .into_par_iter()
-        .map(|volume| sampler.samples(volume, points, labels, control))
+        .map(|volume| sampler.samples(volume, points, labelling, control))
         .collect::<Result<Vec<_>, _>>()?;
     Ok(Set {
-        stencils: made.iter().flat_map(|s| s.stencils.iter().map(|v| v.to_f32())).collect(),
+        stencils: made.iter().flat_map(|s| s.stencils.to_f32()).collect(),
         radiance: made.iter().flat_map(|s| s.radiance.iter().copied()).collect(),
         std_error: made.iter().flat_map(|s| s.std_error.iter().copied()).collect(),
     })

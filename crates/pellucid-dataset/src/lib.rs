@@ -5,39 +5,46 @@
 //! | module | owns |
 //! | --- | --- |
 //! | [`recipe`] | what a set consists of, and the draw of each volume |
-//! | [`shape`] | the solids, as signed distances |
-//! | [`texture`] | material arrangements: patterns, mixtures, halftone |
-//! | [`noise`] | the noise they are made of |
-//! | [`blue_noise`] | thresholds of a refined print's halftone |
-//! | [`volume`] | voxels |
-//! | [`samples`] | labelled points of a volume: stencils and radiance |
-//! | [`generate`](mod@generate) | files of labelled points: made in shards, resumed, verified |
-//! | [`set_file`] | their format |
-//! | [`set`] | such a set in memory |
-//! | [`stored`] | its volumes as the files hold them |
+//! | [`volume`] | the voxels of a volume: solid, material arrangement, halftone |
+//! | [`labels`] | labelled points of volumes, files of them, and judging predictions by them |
 //! | [`stream`] | an endless stream of training batches |
+//!
+//! A set is made, read and judged by:
+//! ```
+//! use pellucid_dataset::{LabelledSet, Recipe, SetHeader, Shard, generate, judge};
+//! use pellucid_voxel::{Control, MaterialTable};
+//! let recipe: Recipe = serde_json::from_str(
+//!     r#"{"name": "tiny", "seed": 1, "pitch": [0.0423, 0.0847, 0.027], "size_mm": [1.0, 1.5], "large_mm": 1.5,
+//!     "large_share": 0.0, "refractive_index": 1.5, "splits": [{"name": "test", "volumes": 2, "points": 8,
+//!     "spp": 32, "shapes": [["cube", 1.0], ["sphere", 1.0]], "density": 1.0}]}"#,
+//! )?;
+//! let header =
+//!     SetHeader { recipe, split: "test".into(), materials: MaterialTable::cmykw(), shard: Shard::WHOLE };
+//! let folder = tempfile::tempdir()?;
+//! let file = generate(folder.path(), &header, &Control::none())?;
+//! let set = LabelledSet::load(&[file], &Control::none())?;
+//! // A predictor that sees nothing.
+//! let grey = |_: &[f32], radiance: &mut [f32]| {
+//!     radiance.fill(0.5);
+//!     Ok(())
+//! };
+//! let judgement = judge(&set, grey, &Control::none())?;
+//! assert_eq!(judgement.whole.score.count(), 2 * 8 * 3);
+//! assert!(judgement.whole.score.rmse() > 0.05);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
-pub mod blue_noise;
-mod draw;
 pub mod error;
-pub mod generate;
-pub mod noise;
+pub mod labels;
 pub mod recipe;
-pub mod samples;
-pub mod set;
-pub mod set_file;
-pub mod shape;
-pub mod stored;
 pub mod stream;
-pub mod texture;
 pub mod volume;
 
 pub use error::DatasetError;
-pub use generate::{SetInfo, generate, info, verify};
+pub use labels::{
+    Errors, HalfStencils, Judgement, LabelledSet, Labelling, STENCIL_VALUES, Sampler, Samples, SetHeader,
+    SetInfo, Shard, StoredVolumes, generate, info, judge, verify,
+};
 pub use recipe::{Recipe, ShapeClass, Split};
-pub use samples::{Labels, STENCIL_VALUES, Sampler, Samples};
-pub use set::LabelledSet;
-pub use set_file::{SetHeader, Shard};
-pub use stored::StoredVolumes;
 pub use stream::{Stream, StreamOptions};

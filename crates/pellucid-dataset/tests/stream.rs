@@ -2,12 +2,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use half::f16;
-use pellucid_dataset::blue_noise::BlueNoise;
+use pellucid_dataset::volume::blue_noise::BlueNoise;
 use pellucid_dataset::volume::fill;
 use pellucid_dataset::{
-    DatasetError, LabelledSet, Labels, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass, Shard, Split,
-    StoredVolumes, Stream, StreamOptions, generate,
+    DatasetError, LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass, Shard,
+    Split, StoredVolumes, Stream, StreamOptions, generate,
 };
 use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, MaterialTable, Pitch, Surface, SurfaceOptions};
@@ -77,10 +76,11 @@ fn every_sample_of_a_block_comes_once() {
     let sampler = Sampler::new(&recipe(), "train", &materials, Boundary::default()).unwrap();
     let mut expected = Vec::new();
     for volume in 2..4 {
-        let samples = sampler.samples(volume, 9, Labels::Paths(4), &Control::none()).unwrap();
-        for (stencil, radiance) in samples.stencils.chunks_exact(STENCIL_VALUES).zip(samples.radiance) {
-            expected
-                .push((stencil.iter().map(|v| v.to_f32().to_bits()).collect::<Vec<_>>(), radiance.to_bits()));
+        let samples = sampler.samples(volume, 9, Labelling::Paths(4), &Control::none()).unwrap();
+        for (stencil, radiance) in
+            samples.stencils.to_f32().chunks_exact(STENCIL_VALUES).zip(samples.radiance)
+        {
+            expected.push((stencil.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), radiance.to_bits()));
         }
     }
     // Block 1 lies in windows 0 and 1.
@@ -106,22 +106,23 @@ fn a_sample_is_what_its_volume_says() {
     for split in ["train", "dense"] {
         let materials = MaterialTable::cmykw();
         let sampler = Sampler::new(&recipe, split, &materials, Boundary::default()).unwrap();
-        let samples = sampler.samples(1, 10, Labels::Paths(4096), &control).unwrap();
+        let samples = sampler.samples(1, 10, Labelling::Paths(4096), &control).unwrap();
+        let stencils = samples.stencils.to_f32();
 
         let (shape, texture) = recipe.draw(recipe.split(split).unwrap(), 1, 5);
         let grid = fill(&shape, &texture, recipe.pitch, &BlueNoise::new(recipe.pitch)).unwrap();
         let density = if split == "dense" { 4.0 } else { 1.0 };
         for (point, voxel) in samples.voxels.iter().enumerate() {
             for channel in 0..3 {
-                let stencil = &samples.stencils[(point * 3 + channel) * STENCIL_VALUES..][..STENCIL_VALUES];
+                let stencil = &stencils[(point * 3 + channel) * STENCIL_VALUES..][..STENCIL_VALUES];
                 // Levels whose boxes are small enough to sum half voxels one by one.
                 for level in 0..4usize {
                     for cell in [0, 31, 67, 68, 90, 134] {
                         let naive = box_mean(&grid, &materials, *voxel, level, cell, channel);
                         for (feature, value) in naive.into_iter().enumerate() {
-                            let got = stencil[(level * 135 + cell) * 2 + feature].to_f64();
-                            // Half a unit of f16's last place.
-                            let tolerance = value.abs() * density * f64::from(f16::EPSILON) + 1e-6;
+                            let got: f64 = stencil[(level * 135 + cell) * 2 + feature].into();
+                            // Two halves of a unit in the last of 11 bits.
+                            let tolerance = value.abs() * density * f64::powi(2.0, -10) + 1e-6;
                             assert!((got - value * density).abs() <= tolerance, "{got} {value}");
                         }
                     }

@@ -1,7 +1,10 @@
 //! AdamW (Loshchilov & Hutter 2019) over a flat parameter vector, with gradient clipping and a moving
 //! average of the weights.
 
-use crate::{RpnnError, kernel};
+use pellucid_core::InstructionSet;
+
+use crate::RpnnError;
+use crate::kernel::{self, Update};
 
 /// Settings of [`AdamW`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -62,7 +65,8 @@ impl AdamW {
         if parameters.len() != self.first.len() || gradient.len() != self.first.len() {
             return Err(RpnnError::invalid("gradient", "its length is not the optimiser's"));
         }
-        let norm = kernel::sum_of_squares(gradient).sqrt();
+        let set = InstructionSet::chosen();
+        let norm = kernel::sum_of_squares(set, gradient).sqrt();
         if !norm.is_finite() {
             return Err(RpnnError::invalid("gradient", "it is not finite; lower the learning rate"));
         }
@@ -83,60 +87,9 @@ impl AdamW {
             average_rate: 1.0 - keep as f32,
         };
         let (first, second, average) = (&mut self.first, &mut self.second, &mut self.average);
-        kernel::update(update, parameters, gradient, first, second, average);
+        kernel::update(set, update, parameters, gradient, first, second, average);
         Ok(norm)
     }
-}
-
-/// The numbers of one step.
-#[derive(Clone, Copy)]
-pub(crate) struct Update {
-    scale: f32,
-    first_rate: f32,
-    second_rate: f32,
-    first_scale: f32,
-    second_scale: f32,
-    rate: f32,
-    epsilon: f32,
-    decay: f32,
-    average_rate: f32,
-}
-
-/// One step over all parameters. Written so that it vectorises in whichever form it is inlined into.
-#[inline(always)]
-pub(crate) fn update(
-    u: Update,
-    parameters: &mut [f32],
-    gradient: &[f32],
-    first: &mut [f32],
-    second: &mut [f32],
-    average: &mut [f32],
-) {
-    let n = parameters.len();
-    // Equal lengths in sight of the compiler: one bound for all vectors.
-    let (gradient, first) = (&gradient[..n], &mut first[..n]);
-    let (second, average) = (&mut second[..n], &mut average[..n]);
-    for i in 0..n {
-        let g = gradient[i] * u.scale;
-        first[i] += u.first_rate * (g - first[i]);
-        second[i] += u.second_rate * (g * g - second[i]);
-        let direction = first[i] * u.first_scale / ((second[i] * u.second_scale).sqrt() + u.epsilon);
-        parameters[i] -= u.rate * direction + u.decay * parameters[i];
-        average[i] += u.average_rate * (parameters[i] - average[i]);
-    }
-}
-
-/// Sum of squares in f64, in 16 interleaved sums: an order that every form shares.
-#[inline(always)]
-pub(crate) fn sum_of_squares(values: &[f32]) -> f64 {
-    let (whole, rest) = values.as_chunks::<16>();
-    let mut sums = [0.0f64; 16];
-    for values in whole {
-        for (s, &v) in sums.iter_mut().zip(values) {
-            *s += f64::from(v) * f64::from(v);
-        }
-    }
-    sums.iter().sum::<f64>() + rest.iter().map(|&v| f64::from(v) * f64::from(v)).sum::<f64>()
 }
 
 #[cfg(test)]

@@ -1,53 +1,58 @@
 //! The crate's error type.
 
-use std::path::PathBuf;
+use std::path::Path;
 
-/// Why a network could not be built, read, written or run.
+use pellucid_core::{Cancelled, Fault, FileError};
+
+/// Why a network could not be built, read, written, trained or run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RpnnError {
-    /// A value or a buffer's length is not what the network takes.
-    #[error("invalid {field}: {reason}")]
-    Invalid {
-        /// The argument or field.
-        field: String,
-        /// What is wrong, and what would be right.
-        reason: String,
-    },
-    /// A weights file is well formed but made for something else.
-    #[error("{path}: unsupported {field}: {reason}")]
-    Unsupported {
-        /// The file.
-        path: PathBuf,
-        /// The header field that does not fit.
-        field: String,
-        /// What it holds and what is needed.
-        reason: String,
-    },
+    /// A value, a buffer's length or a file's content is not what the network takes.
+    #[error("invalid {0}")]
+    Invalid(Fault),
+    /// A file is well formed but made for something else, or the processor lacks what is asked for.
+    #[error("unsupported {0}")]
+    Unsupported(Fault),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    Io(#[from] FileError),
+    /// The caller asked for the work to stop.
+    #[error("cancelled")]
+    Cancelled,
     /// The source of training samples failed.
-    #[error("batch {batch} of the training samples: {reason}")]
+    #[error("no batch {batch} of the training samples")]
     Source {
         /// Which batch.
         batch: u64,
-        /// The source's own reason.
-        reason: Box<dyn std::error::Error + Send + Sync>,
+        /// The source's own error.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The reference engine failed.
     #[cfg(feature = "candle")]
-    #[error("candle: {0}")]
+    #[error("the reference network on candle failed")]
     Candle(#[from] candle_core::Error),
-    /// A file could not be read or written.
-    #[error("{path}: {reason}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's or decoder's reason.
-        reason: String,
-    },
 }
 
 impl RpnnError {
-    pub(crate) fn invalid(field: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Invalid { field: field.into(), reason: reason.into() }
+    /// An [`RpnnError::Invalid`] from what is concerned and what is wrong with it, and would be right.
+    pub fn invalid(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Invalid(Fault::new(subject, reason))
+    }
+
+    /// An [`RpnnError::Unsupported`] from what is concerned and the limit, and how to stay within it.
+    pub fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unsupported(Fault::new(subject, reason))
+    }
+
+    /// A fault of a file's content.
+    pub(crate) fn in_file(path: &Path, reason: impl Into<String>, remedy: &str) -> Self {
+        Self::Invalid(Fault::new(path.display().to_string(), reason).remedy(remedy))
+    }
+}
+
+impl From<Cancelled> for RpnnError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
     }
 }

@@ -1,8 +1,9 @@
 //! Weights as safetensors files whose header says what they were trained for.
 
-use std::collections::HashMap;
 use std::path::Path;
 
+use pellucid_core::Fault;
+use pellucid_core::files::{read_bounded, write_whole_bytes};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
 use crate::transform::InputForm;
@@ -32,6 +33,8 @@ const MAX_BYTES: u64 = 64 << 20;
 const FORMAT: &str = "pellucid-rpnn-1";
 /// The entry of the file's metadata that holds the header, a JSON object.
 const ENTRY: &str = "pellucid";
+/// The entry that checkpoints have instead.
+pub(crate) const RUN: &str = "run";
 
 fn stencil() -> String {
     let [x, y, z] = CELLS_XYZ;
@@ -43,36 +46,9 @@ fn stencil() -> String {
 /// # Errors
 /// [`RpnnError::Io`] when the file cannot be written.
 pub fn save(path: &Path, weights: &Weights, provenance: &Provenance) -> Result<(), RpnnError> {
-    let bytes =
-        to_bytes(weights, provenance).map_err(|reason| RpnnError::Io { path: path.to_owned(), reason })?;
-    write_whole(path, &bytes)
-}
-
-/// Writes a file by way of a temporary one beside it, so that it is never seen half written.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), RpnnError> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".tmp");
-    let temporary = path.with_file_name(name);
-    let written = std::fs::File::create(&temporary).and_then(|mut file| {
-        std::io::Write::write_all(&mut file, bytes)?;
-        file.sync_all()?;
-        std::fs::rename(&temporary, path)
-    });
-    written.map_err(|e| {
-        // The rename did not happen: the half-written file is of no use.
-        let _ = std::fs::remove_file(&temporary);
-        RpnnError::Io { path: path.to_owned(), reason: e.to_string() }
-    })
-}
-
-/// Reads a file of at most `limit` bytes.
-pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>, RpnnError> {
-    let io = |reason: String| RpnnError::Io { path: path.to_owned(), reason };
-    let length = std::fs::metadata(path).map_err(|e| io(e.to_string()))?.len();
-    if length > limit {
-        return Err(io(format!("{length} bytes; such a file takes at most {limit}")));
-    }
-    std::fs::read(path).map_err(|e| io(e.to_string()))
+    let bytes = to_bytes(weights, provenance)
+        .map_err(|reason| RpnnError::in_file(path, format!("cannot be made: {reason}"), ""))?;
+    Ok(write_whole_bytes(path, &bytes)?)
 }
 
 fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, String> {
@@ -102,15 +78,16 @@ fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, Strin
         "provenance": provenance,
     });
     // One entry: a map's order would change the bytes from run to run.
-    let header = HashMap::from([(ENTRY.to_owned(), header.to_string())]);
+    let header = [(ENTRY.to_owned(), header.to_string())].into_iter().collect();
     serialize(views, Some(header)).map_err(|e| e.to_string())
 }
 
 /// Reads weights.
 ///
 /// # Errors
-/// [`RpnnError::Io`] when the file cannot be read, [`RpnnError::Unsupported`] naming the header field that
-/// does not fit this crate's network.
+/// [`RpnnError::Io`] when the file cannot be read or is longer than any such file,
+/// [`RpnnError::Invalid`] when it holds no network or a damaged one, [`RpnnError::Unsupported`] naming the header
+/// field that does not fit this crate's network.
 pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
     parse(path, &read_bounded(path, MAX_BYTES)?)
 }
@@ -120,15 +97,20 @@ pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
 /// # Errors
 /// As [`load`].
 pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnError> {
-    let io = |reason: String| RpnnError::Io { path: name.to_owned(), reason };
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|e| io(e.to_string()))?;
-    let entry = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).map_or("{}", String::as_str);
-    let fields: serde_json::Value = serde_json::from_str(entry).map_err(|e| io(e.to_string()))?;
+    let damaged = |reason: String| RpnnError::in_file(name, reason, "give another copy of the file");
+    let (_, header) = SafeTensors::read_metadata(bytes)
+        .map_err(|e| not_a_network(name, &format!("it is no safetensors file ({e})")))?;
+    let metadata = header.metadata().as_ref();
+    let entry = metadata.and_then(|m| m.get(ENTRY)).ok_or_else(|| match metadata {
+        Some(m) if m.contains_key(RUN) => not_a_network(name, "it is the checkpoint of a run"),
+        _ => not_a_network(name, &format!("its metadata has no entry {ENTRY:?}")),
+    })?;
+    let fields: serde_json::Value =
+        serde_json::from_str(entry).map_err(|e| damaged(format!("metadata {ENTRY:?}: {e}")))?;
     let field = |key: &str| fields[key].as_str().unwrap_or_default().to_owned();
-    let unsupported = |key: &str, needed: &str| RpnnError::Unsupported {
-        path: name.to_owned(),
-        field: key.to_owned(),
-        reason: format!("{:?}; this version reads {needed}", field(key)),
+    let unsupported = |key: &str, needed: &str| {
+        let fault = Fault::new(format!("{}, {key}", name.display()), format!("{:?}", field(key)));
+        RpnnError::Unsupported(fault.remedy(format!("this version reads {needed}")))
     };
     if field("format") != FORMAT {
         return Err(unsupported("format", FORMAT));
@@ -140,15 +122,15 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnErr
         .ok_or_else(|| unsupported("variant", "baseline, L, O and L+O"))?;
     let provenance: Provenance = serde_json::from_value(fields["provenance"].clone())
         .map_err(|_| unsupported("provenance", "a complete record"))?;
-    let tensors = SafeTensors::deserialize(bytes).map_err(|e| io(e.to_string()))?;
+    let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(e.to_string()))?;
     let mut weights = Weights::zeros(variant);
     let layout = weights.layout().clone();
     for layer in &layout.layers {
         let mut read = |suffix: &str, shape: &[usize], range: std::ops::Range<usize>| {
             let tensor_name = format!("{}.{suffix}", layer.name);
-            let tensor = tensors.tensor(&tensor_name).map_err(|e| io(format!("{tensor_name}: {e}")))?;
+            let tensor = tensors.tensor(&tensor_name).map_err(|e| damaged(format!("{tensor_name}: {e}")))?;
             if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
-                return Err(io(format!(
+                return Err(damaged(format!(
                     "{tensor_name} is {:?} {:?}, not f32 {shape:?}",
                     tensor.dtype(),
                     tensor.shape()
@@ -164,14 +146,23 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnErr
             read("bias", &[layer.outputs], layer.bias.clone())?;
         }
     }
-    let weights = Weights::new(variant, weights.values().to_vec()).map_err(|e| io(e.to_string()))?;
+    let weights = Weights::new(variant, weights.values().to_vec()).map_err(|e| damaged(e.to_string()))?;
     Ok((weights, provenance))
+}
+
+fn not_a_network(name: &Path, reason: &str) -> RpnnError {
+    RpnnError::in_file(
+        name,
+        format!("is no network of `pellucid train`: {reason}"),
+        "give the weights.safetensors of a training run",
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    use crate::train::{TrainSettings, Trainer};
     use crate::transform::{FeatureTransform, LevelOrder};
 
     fn provenance() -> Provenance {
@@ -213,14 +204,44 @@ mod tests {
             parse(name, &changed).unwrap_err()
         };
         assert!(
-            matches!(replaced("9 levels", "8 levels"), RpnnError::Unsupported { field, .. } if field == "stencil")
+            matches!(replaced("9 levels", "8 levels"), RpnnError::Unsupported(fault) if fault.subject.ends_with("stencil"))
         );
         assert!(
-            matches!(replaced("rpnn-1", "rpnn-2"), RpnnError::Unsupported { field, .. } if field == "format")
+            matches!(replaced("rpnn-1", "rpnn-2"), RpnnError::Unsupported(fault) if fault.subject.ends_with("format"))
         );
-        assert!(matches!(replaced("refractive", "reflective"), RpnnError::Unsupported { .. }));
-        assert!(matches!(replaced("end3.bias", "end9.bias"), RpnnError::Io { .. }));
+        assert!(matches!(replaced("refractive", "reflective"), RpnnError::Unsupported(_)));
+        assert!(matches!(replaced("end3.bias", "end9.bias"), RpnnError::Invalid(_)));
         assert!(parse(name, &bytes[..bytes.len() / 2]).is_err());
         assert!(parse(name, &[]).is_err());
+    }
+
+    #[test]
+    fn a_file_of_something_else_is_named_with_what_to_give() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.jpg");
+        let text = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            let error = load(&path).unwrap_err();
+            assert!(matches!(error, RpnnError::Invalid(_)), "{error:?}");
+            pellucid_core::chain(&error)
+        };
+        let foreign =
+            serialize([("w", TensorView::new(Dtype::F32, vec![1], &[0; 4]).unwrap())], None).unwrap();
+        for bytes in [&b"\xff\xd8\xff\xe0 this is a photo and no network"[..], b"", &foreign] {
+            let text = text(bytes);
+            for part in ["photo.jpg", "no network of `pellucid train`", "safetensors", "give the weights"] {
+                assert!(text.contains(part), "{text}");
+            }
+        }
+        let run =
+            Trainer::new(TrainSettings { variant: Variant::SharedLevels, ..Default::default() }).unwrap();
+        run.save(&path).unwrap();
+        assert!(text(&std::fs::read(&path).unwrap()).contains("checkpoint of a run"));
+        let missing = load(&folder.path().join("none.safetensors")).unwrap_err();
+        let text = pellucid_core::chain(&missing);
+        assert!(
+            matches!(missing, RpnnError::Io(_)) && text.matches("none.safetensors").count() == 1,
+            "{text}"
+        );
     }
 }

@@ -1,5 +1,7 @@
 //! Radiance of raw stencils, any number of them, on one thread.
 
+use pellucid_core::InstructionSet;
+
 use crate::transform::{InputForm, LevelOrder};
 use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
 use crate::{Network, Precision, RpnnError, Weights};
@@ -7,8 +9,21 @@ use crate::{Network, Precision, RpnnError, Weights};
 /// Samples of a batch: activations of all levels stay within a core's caches.
 const BATCH: usize = 64;
 
-/// A network ready to predict.
-#[derive(Clone, Debug)]
+/// A network ready to predict. Clones share the weights, so that every thread can have one.
+///
+/// ```
+/// use pellucid_rpnn::transform::InputForm;
+/// use pellucid_rpnn::variant::INPUTS;
+/// use pellucid_rpnn::{Inference, Precision, Variant, Weights};
+/// let weights = Weights::initial(Variant::SharedLevelsAndOctants, 1, 0.4);
+/// let mut inference = Inference::new(&weights, InputForm::default(), Precision::F32).unwrap();
+/// // Two points whose surroundings scatter and absorb alike everywhere: 6 and 0.1 per mm.
+/// let stencils: Vec<f32> = [6.0, 0.1].into_iter().cycle().take(2 * INPUTS).collect();
+/// let mut radiance = [0.0; 2];
+/// inference.radiance(&stencils, &mut radiance).unwrap();
+/// assert!(radiance[0] == radiance[1] && radiance[0] >= 0.0);
+/// ```
+#[derive(Debug)]
 pub struct Inference {
     network: Network,
     form: InputForm,
@@ -17,15 +32,38 @@ pub struct Inference {
     states: Vec<f32>,
 }
 
+impl Clone for Inference {
+    /// Shares the weights; buffers are new, and no memory is copied.
+    fn clone(&self) -> Self {
+        Self::of(self.network.share(), self.form)
+    }
+}
+
 impl Inference {
-    /// Prepares `weights`, trained on inputs of `form`.
+    /// Prepares `weights`, trained on inputs of `form`, on [`InstructionSet::chosen`].
     ///
     /// # Errors
-    /// As [`Network::new`].
+    /// None for valid weights; the signature leaves room for forms that a network cannot take.
     pub fn new(weights: &Weights, form: InputForm, precision: Precision) -> Result<Self, RpnnError> {
-        let mut network = Network::new(weights.variant(), BATCH, precision)?;
-        network.load(weights)?;
-        Ok(Self { network, form, inputs: vec![0.0; BATCH * INPUTS], states: Vec::new() })
+        Ok(Self::of(Network::forward_only(weights, BATCH, precision), form))
+    }
+
+    fn of(network: Network, form: InputForm) -> Self {
+        Self { network, form, inputs: vec![0.0; BATCH * INPUTS], states: Vec::new() }
+    }
+
+    /// The same on another instruction set: [`Network::with_instruction_set`].
+    ///
+    /// # Errors
+    /// [`RpnnError::Unsupported`] where the processor lacks it.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, RpnnError> {
+        self.network = self.network.with_instruction_set(set)?;
+        Ok(self)
+    }
+
+    /// The instruction set in use: [`Network::instruction_set`].
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.network.instruction_set()
     }
 
     /// Radiance of each sample; `stencils` holds raw coefficients in 1/mm, `[sample][level][cell z][cell
@@ -159,6 +197,72 @@ mod tests {
                 assert_eq!(alone[0], together[i], "{precision:?} sample {i}");
             }
             assert!(inference.radiance(&raw[1..], &mut together).is_err());
+        }
+    }
+
+    #[test]
+    fn clones_share_the_weights_and_predict_alike() {
+        let variant = Variant::SharedLevelsAndOctants;
+        let first =
+            Inference::new(&Weights::initial(variant, 3, 8.0), InputForm::default(), Precision::F32).unwrap();
+        let mut clone = first.clone();
+        assert!(clone.network.shares_with(&first.network));
+        // A clone that is used by another thread does not see the first one's buffers.
+        let raw: Vec<f32> = (0..2 * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.001).collect();
+        let radiance = |mut inference: Inference| {
+            let mut out = [0.0; 2];
+            inference.radiance(&raw, &mut out).unwrap();
+            out
+        };
+        let (a, b) = std::thread::scope(|scope| {
+            let other = scope.spawn(|| radiance(first.clone()));
+            (radiance(first.clone()), other.join().unwrap())
+        });
+        clone.radiance(&raw[INPUTS..], &mut [0.0]).unwrap();
+        assert!(a == b && a == radiance(clone) && a[0] > 0.0, "{a:?} {b:?}");
+    }
+
+    /// Within the tolerance of products on other forms: some units in the last place of each of nine levels.
+    #[test]
+    fn instruction_sets_agree() {
+        let form = InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine };
+        let n = 20;
+        let raw: Vec<f32> = (0..n * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.001).collect();
+        for variant in Variant::ALL {
+            let weights = Weights::initial(variant, 3, 8.0);
+            for (precision, tolerance) in [(Precision::F32, 1e-5), (Precision::Bf16, 1e-2)] {
+                let inference = Inference::new(&weights, form, precision).unwrap();
+                let mut results = InstructionSet::available().map(|set| {
+                    let mut on_set = inference.clone().with_instruction_set(set).unwrap();
+                    assert!(
+                        on_set.instruction_set() <= set && on_set.network.shares_with(&inference.network)
+                    );
+                    let mut out = vec![0.0; n];
+                    on_set.radiance(&raw, &mut out).unwrap();
+                    (set, out)
+                });
+                let (_, portable) = results.next().unwrap();
+                assert!(portable.iter().all(|&v| v > 0.1), "{variant:?}: dark outputs prove nothing");
+                for (set, out) in results {
+                    for (a, b) in out.iter().zip(&portable) {
+                        assert!(
+                            (a - b).abs() <= tolerance * (1.0 + b),
+                            "{variant:?} {precision:?} {set}: {a} {b}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_set_that_is_lacking_is_refused() {
+        let weights = Weights::zeros(Variant::SharedLevels);
+        let inference = Inference::new(&weights, InputForm::default(), Precision::F32).unwrap();
+        for set in InstructionSet::ALL {
+            let result = inference.clone().with_instruction_set(set);
+            assert_eq!(result.is_ok(), set <= InstructionSet::detect(), "{set}");
+            assert!(!matches!(result, Err(ref e) if !matches!(e, RpnnError::Unsupported(_))));
         }
     }
 

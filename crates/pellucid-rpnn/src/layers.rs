@@ -1,16 +1,25 @@
 //! The layers of a network: weights packed for both passes, products with them, and their gradients.
 
-use crate::Weights;
-use crate::kernel::{Add, Finish, Form, Matrix, Packed, Products};
-use crate::network::Precision;
-use crate::variant::Layer;
+use std::sync::Arc;
 
-/// Weights packed for both passes.
+use pellucid_core::InstructionSet;
+
+use crate::kernel::{Add, Finish, Form, Matrix, Packed, Products};
+use crate::variant::Layer;
+use crate::{Precision, Weights};
+
+/// Weights packed for both passes, and scratch to multiply with them. Clones share the weights.
 #[derive(Clone, Debug)]
 pub(crate) struct Layers {
-    pub(crate) weights: Weights,
-    pub(crate) precision: Precision,
+    precision: Precision,
     products: Products,
+    packed: Arc<PackedWeights>,
+}
+
+/// Weights packed for both passes. The packing is the same for every form of the kernel.
+#[derive(Clone, Debug)]
+struct PackedWeights {
+    weights: Weights,
     /// Each layer's matrix transposed: inputs to outputs.
     forward: Vec<Packed>,
     /// Each layer's matrix: derivatives by outputs to derivatives by inputs. Empty until it is needed.
@@ -19,46 +28,75 @@ pub(crate) struct Layers {
 }
 
 impl Layers {
-    pub(crate) fn new(weights: Weights, precision: Precision) -> Self {
+    pub(crate) fn new(weights: Weights, precision: Precision, set: InstructionSet) -> Self {
         let count = weights.layout().layers.len();
-        let mut layers = Self {
-            precision,
-            products: Products::new(Form::detect()),
+        let packed = PackedWeights {
             forward: vec![Packed::default(); count],
             backward: vec![Packed::default(); count],
             backward_is_fresh: false,
             weights,
         };
+        let mut layers = Self { precision, products: Products::new(Form::of(set)), packed: Arc::new(packed) };
         layers.pack_forward();
         layers
     }
 
+    pub(crate) fn weights(&self) -> &Weights {
+        &self.packed.weights
+    }
+
+    pub(crate) fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Whether both multiply with the same memory.
+    #[cfg(test)]
+    pub(crate) fn shares_with(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.packed, &other.packed)
+    }
+
+    /// The least instruction set that gives what these products give.
+    pub(crate) fn instruction_set(&self) -> InstructionSet {
+        let set = self.products.form().instruction_set();
+        match self.precision {
+            Precision::Bf16 => set,
+            Precision::F32 => set.min(InstructionSet::Avx512),
+        }
+    }
+
+    pub(crate) fn set_instruction_set(&mut self, set: InstructionSet) {
+        self.products = Products::new(Form::of(set));
+    }
+
     pub(crate) fn load(&mut self, weights: &Weights) {
-        self.weights.values_mut().copy_from_slice(weights.values());
-        self.backward_is_fresh = false;
+        let packed = Arc::make_mut(&mut self.packed);
+        packed.weights.values_mut().copy_from_slice(weights.values());
+        packed.backward_is_fresh = false;
         self.pack_forward();
     }
 
     fn pack_forward(&mut self) {
-        for (i, packed) in self.forward.iter_mut().enumerate() {
-            let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
-            self.products.pack(matrix.t(), precision_of(self.precision, &self.weights, i), packed);
+        let PackedWeights { weights, forward, .. } = Arc::make_mut(&mut self.packed);
+        for (i, packed) in forward.iter_mut().enumerate() {
+            let matrix = matrix(weights, &weights.layout().layers[i]);
+            self.products.pack(matrix.t(), precision_of(self.precision, weights, i), packed);
         }
     }
 
     pub(crate) fn freshen_backward(&mut self) {
-        if self.backward_is_fresh {
+        if self.packed.backward_is_fresh {
             return;
         }
-        for (i, packed) in self.backward.iter_mut().enumerate() {
-            let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
-            self.products.pack(matrix, precision_of(self.precision, &self.weights, i), packed);
+        let PackedWeights { weights, backward, backward_is_fresh, .. } = Arc::make_mut(&mut self.packed);
+        for (i, packed) in backward.iter_mut().enumerate() {
+            let matrix = matrix(weights, &weights.layout().layers[i]);
+            self.products.pack(matrix, precision_of(self.precision, weights, i), packed);
         }
-        self.backward_is_fresh = true;
+        *backward_is_fresh = true;
     }
 
     fn layer(&self, layer: usize) -> &Layer {
-        &self.weights.layout().layers[layer]
+        &self.weights().layout().layers[layer]
     }
 
     /// `out = input W^T`, finished.
@@ -70,11 +108,12 @@ impl Layers {
         rows: usize,
         end: End<'_>,
     ) {
-        let layers = &self.weights.layout().layers;
-        let bias = end.bias.map(|l| &self.weights.values()[layers[l].bias.clone()]);
+        let PackedWeights { weights, forward, .. } = &*self.packed;
+        let layers = &weights.layout().layers;
+        let bias = end.bias.map(|l| &weights.values()[layers[l].bias.clone()]);
         let finish = Finish { add: end.add, bias, relu: end.relu, mask: None };
         let left = Matrix::rows(input, rows, layers[layer].inputs);
-        self.products.product(out, left, &self.forward[layer], finish);
+        self.products.product(out, left, &forward[layer], finish);
     }
 
     /// `out = relu(input W^T + b)`.
@@ -96,7 +135,7 @@ impl Layers {
         self.products.product(
             d_input,
             left,
-            &self.backward[layer],
+            &self.packed.backward[layer],
             Finish { add, mask, ..Finish::default() },
         );
     }
@@ -110,8 +149,9 @@ impl Layers {
         input: &[f32],
         rows: usize,
     ) {
-        let precision = precision_of(self.precision, &self.weights, layer);
-        let Layer { inputs, outputs, weight, .. } = &self.weights.layout().layers[layer];
+        let weights = &self.packed.weights;
+        let precision = precision_of(self.precision, weights, layer);
+        let Layer { inputs, outputs, weight, .. } = &weights.layout().layers[layer];
         self.products.product_once(
             &mut gradient[weight.clone()],
             Matrix::rows(d_out, rows, *outputs).t(),

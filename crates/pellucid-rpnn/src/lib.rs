@@ -25,6 +25,7 @@ pub mod inference;
 mod kernel;
 mod layers;
 pub mod network;
+mod precision;
 #[cfg(feature = "candle")]
 pub mod reference;
 #[cfg(feature = "weights")]
@@ -36,7 +37,9 @@ pub mod weights;
 
 pub use error::RpnnError;
 pub use inference::Inference;
-pub use network::{Network, Precision};
+pub use network::Network;
+pub use pellucid_core::InstructionSet;
+pub use precision::Precision;
 #[cfg(feature = "weights")]
 pub use shipped::shipped;
 pub use variant::Variant;

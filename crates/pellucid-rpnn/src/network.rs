@@ -15,33 +15,27 @@
 
 use std::ops::Range;
 
+use pellucid_core::InstructionSet;
+
 use crate::kernel::Add;
 use crate::layers::{End, Layers};
 use crate::variant::{Block, INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
-use crate::{RpnnError, Variant, Weights};
-
-/// Number format of the products; sums, weights and everything between the products are f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// Both factors in f32.
-    #[default]
-    F32,
-    /// Both factors rounded to bf16, except in the last three layers.
-    Bf16,
-}
+use crate::{Precision, RpnnError, Variant, Weights};
 
 /// The network with its weights and the memory of one batch: activations for the backward pass and scratch.
+/// Clones share the packed weights until one of them loads others.
 #[derive(Clone, Debug)]
 pub struct Network {
     variant: Variant,
     batch: usize,
     gather: [[u16; OCTANT_INPUTS]; OCTANTS],
     layers: Layers,
+    /// One a level, or two in turns where there is no backward pass.
     levels: Vec<Level>,
     end1: Vec<f32>,
     end2: Vec<f32>,
     terms: Vec<f32>,
+    /// Derivatives; empty where there is no backward pass.
     d_state: Vec<f32>,
     d_mid: Vec<f32>,
     d_next: Vec<f32>,
@@ -58,8 +52,22 @@ struct Level {
     state: Vec<f32>,
 }
 
+impl Level {
+    /// With `size` values each where a block needs them.
+    fn new(size: usize, entry: bool, mixture: bool) -> Self {
+        let buffer = |needed: bool| vec![0.0; if needed { size } else { 0 }];
+        Self {
+            input: buffer(true),
+            hidden: buffer(entry),
+            entered: buffer(entry),
+            mixed: buffer(mixture),
+            state: buffer(true),
+        }
+    }
+}
+
 impl Network {
-    /// A network for batches of up to `batch` samples, its weights all zero.
+    /// A network for batches of up to `batch` samples, its weights all zero, on [`InstructionSet::chosen`].
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] for a batch of 0 or more than 65,536.
@@ -67,35 +75,77 @@ impl Network {
         if !(1..=65_536).contains(&batch) {
             return Err(RpnnError::invalid("batch", format!("{batch}; 1 to 65536 are possible")));
         }
-        let width = batch * variant.width();
-        let layout = variant.layout();
-        let levels = layout
+        let size = batch * variant.width();
+        let levels = variant
+            .layout()
             .blocks
             .iter()
-            .map(|block| {
-                let buffer = |needed: bool| vec![0.0; if needed { width } else { 0 }];
-                Level {
-                    input: buffer(true),
-                    hidden: buffer(block.entry.is_some()),
-                    entered: buffer(block.entry.is_some()),
-                    mixed: buffer(block.bc.is_some()),
-                    state: buffer(true),
-                }
-            })
+            .map(|block| Level::new(size, block.entry.is_some(), block.bc.is_some()))
             .collect();
+        let layers = Layers::new(Weights::zeros(variant), precision, InstructionSet::chosen());
+        let derivatives = || vec![0.0; size];
         Ok(Self {
-            layers: Layers::new(Weights::zeros(variant), precision),
+            d_state: derivatives(),
+            d_mid: derivatives(),
+            d_next: derivatives(),
+            ..Self::with_levels(variant, batch, layers, levels)
+        })
+    }
+
+    /// A network for forward passes alone.
+    pub(crate) fn forward_only(weights: &Weights, batch: usize, precision: Precision) -> Self {
+        let layers = Layers::new(weights.clone(), precision, InstructionSet::chosen());
+        Self::with_two_levels(weights.variant(), batch, layers)
+    }
+
+    /// The same for forward passes alone, with buffers of its own and the weights shared.
+    pub(crate) fn share(&self) -> Self {
+        Self::with_two_levels(self.variant, self.batch, self.layers.clone())
+    }
+
+    /// Whether both have the same memory for their weights.
+    #[cfg(test)]
+    pub(crate) fn shares_with(&self, other: &Self) -> bool {
+        self.layers.shares_with(&other.layers)
+    }
+
+    /// The activations of two levels take turns.
+    fn with_two_levels(variant: Variant, batch: usize, layers: Layers) -> Self {
+        let level = || Level::new(batch * variant.width(), true, true);
+        Self::with_levels(variant, batch, layers, vec![level(), level()])
+    }
+
+    fn with_levels(variant: Variant, batch: usize, layers: Layers, levels: Vec<Level>) -> Self {
+        let size = batch * variant.width();
+        Self {
             variant,
             batch,
             gather: std::array::from_fn(octant_gather),
+            layers,
             levels,
-            end1: vec![0.0; width],
-            end2: vec![0.0; width],
+            end1: vec![0.0; size],
+            end2: vec![0.0; size],
             terms: vec![0.0; batch * OCTANTS],
-            d_state: vec![0.0; width],
-            d_mid: vec![0.0; width],
-            d_next: vec![0.0; width],
-        })
+            d_state: Vec::new(),
+            d_mid: Vec::new(),
+            d_next: Vec::new(),
+        }
+    }
+
+    /// The same on another instruction set. Sets agree to some units in the last place of a sum, not in every
+    /// bit.
+    ///
+    /// # Errors
+    /// [`RpnnError::Unsupported`] where the processor lacks it.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, RpnnError> {
+        self.layers.set_instruction_set(set.require().map_err(RpnnError::Unsupported)?);
+        Ok(self)
+    }
+
+    /// The instruction set in use: the least one that gives the same bits. Products of f32 need no bf16, and
+    /// there is no form for AVX2.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.layers.instruction_set()
     }
 
     /// The architecture.
@@ -105,7 +155,7 @@ impl Network {
 
     /// The format of the products.
     pub fn precision(&self) -> Precision {
-        self.layers.precision
+        self.layers.precision()
     }
 
     /// Takes over weights.
@@ -152,7 +202,7 @@ impl Network {
         let width = self.variant.width();
         let n = self.check_parts(levels, states, inputs.len(), levels)?;
         self.forward_levels(inputs, 0..levels, n);
-        states.copy_from_slice(&self.levels[levels - 1].state[..n * width]);
+        states.copy_from_slice(&self.level(levels - 1).state[..n * width]);
         Ok(())
     }
 
@@ -172,7 +222,8 @@ impl Network {
         if n != out.len() {
             return Err(RpnnError::invalid("output", format!("{} values for {n} samples", out.len())));
         }
-        self.levels[levels - 1].state[..states.len()].copy_from_slice(states);
+        let slot = self.slot(levels - 1);
+        self.levels[slot].state[..states.len()].copy_from_slice(states);
         self.forward_levels(inputs, levels..LEVELS, n);
         self.forward_end(out);
         Ok(())
@@ -202,27 +253,36 @@ impl Network {
 
     fn forward_levels(&mut self, inputs: &[f32], range: Range<usize>, n: usize) {
         let width = self.variant.width();
+        let Layout { blocks, .. } = *self.layers.weights().layout();
         for k in range.clone() {
             self.load_level(inputs, k, range.clone(), n);
+            let (slot, before) = (self.slot(k), k.checked_sub(1).map(|k| self.slot(k)));
+            let mut level = std::mem::take(&mut self.levels[slot]);
+            let previous = before.map(|slot| &self.levels[slot].state[..n * width]);
+            forward_block(&mut self.layers, blocks[k], &mut level, previous, n, self.variant);
+            self.levels[slot] = level;
         }
-        let layers = &mut self.layers;
-        let Layout { blocks, .. } = *layers.weights.layout();
-        for k in range {
-            let (before, rest) = self.levels.split_at_mut(k);
-            let previous = before.last().map(|l| &l.state[..n * width]);
-            forward_block(layers, blocks[k], &mut rest[0], previous, n, self.variant);
-        }
+    }
+
+    /// Where the activations of a level are.
+    fn slot(&self, level: usize) -> usize {
+        level % self.levels.len()
+    }
+
+    fn level(&self, level: usize) -> &Level {
+        &self.levels[self.slot(level)]
     }
 
     /// From the last state to radiance.
     fn forward_end(&mut self, out: &mut [f32]) {
         let n = out.len();
+        let last = self.slot(LEVELS - 1);
         let layers = &mut self.layers;
-        let Layout { end, .. } = *layers.weights.layout();
+        let Layout { end, .. } = *layers.weights().layout();
         let (rows, end_width) = end_shape(self.variant, n);
         let [e1, e2, e3] = end;
         let used = rows * end_width;
-        layers.dense(e1, &self.levels[LEVELS - 1].state[..used], &mut self.end1[..used], rows);
+        layers.dense(e1, &self.levels[last].state[..used], &mut self.end1[..used], rows);
         layers.dense(e2, &self.end1[..used], &mut self.end2[..used], rows);
         let terms = &mut self.terms[..rows];
         layers.product(
@@ -249,13 +309,13 @@ impl Network {
     pub fn backward(&mut self, out: &[f32], d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
         let n = out.len();
         self.check(n)?;
-        if d_out.len() != n || gradient.len() != self.layers.weights.values().len() {
+        if d_out.len() != n || gradient.len() != self.layers.weights().values().len() {
             return Err(RpnnError::invalid("gradient", "buffers do not match the outputs and the weights"));
         }
         let width = self.variant.width();
         let layers = &mut self.layers;
         layers.freshen_backward();
-        let Layout { blocks, end, .. } = *layers.weights.layout();
+        let Layout { blocks, end, .. } = *layers.weights().layout();
         let (rows, end_width) = end_shape(self.variant, n);
         let used = rows * end_width;
         let [e1, e2, e3] = end;
@@ -294,7 +354,8 @@ impl Network {
     /// Copies level `k` of every sample, octant by octant with ≡O; `inputs` holds the levels of `range`.
     fn load_level(&mut self, inputs: &[f32], k: usize, range: Range<usize>, n: usize) {
         let width = self.variant.width();
-        let target = &mut self.levels[k].input[..n * width];
+        let slot = self.slot(k);
+        let target = &mut self.levels[slot].input[..n * width];
         let samples = inputs.chunks_exact(range.len() * LEVEL_INPUTS);
         for (row, sample) in target.chunks_exact_mut(width).zip(samples) {
             let level = &sample[(k - range.start) * LEVEL_INPUTS..][..LEVEL_INPUTS];

@@ -3,24 +3,28 @@
 
 use std::ops::Range;
 
+use pellucid_stencil::StencilSpec;
+
+pub use pellucid_stencil::OCTANTS;
+
+/// The stencil that the networks read: 9 levels of 5 x 3 x 9 cells.
+pub const STENCIL: StencilSpec = StencilSpec::paper();
 /// Levels of the stencil hierarchy.
-pub const LEVELS: usize = 9;
+pub const LEVELS: usize = STENCIL.levels();
 /// Cells of a level along x, y and z.
-pub const CELLS_XYZ: [usize; 3] = [5, 3, 9];
+pub const CELLS_XYZ: [usize; 3] = STENCIL.cells();
 /// Cells of a level.
-pub const CELLS: usize = 135;
+pub const CELLS: usize = STENCIL.cells_per_level();
 /// Features of a cell: sigma_s and sigma_a.
 pub const FEATURES: usize = 2;
 /// Inputs of a level.
 pub const LEVEL_INPUTS: usize = CELLS * FEATURES;
 /// Inputs of the network.
 pub const INPUTS: usize = LEVELS * LEVEL_INPUTS;
-/// Mirrored octants of a level.
-pub const OCTANTS: usize = 8;
 /// Inputs of an octant: 3 x 2 x 5 cells with two features.
 pub const OCTANT_INPUTS: usize = 60;
 
-/// An architecture. Where weights are shared decides its size; see the crate's design table.
+/// An architecture. Where weights are shared decides its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Variant {
     /// Every level has layers of its own over the whole stencil.
@@ -194,15 +198,9 @@ impl Builder {
 /// from the centre. Bit 0 of `octant` mirrors x, bit 1 y, bit 2 z, so mirroring a stencil along an axis
 /// exchanges octants whose indices differ in that bit.
 pub fn octant_gather(octant: usize) -> [u16; OCTANT_INPUTS] {
-    let [nx, ny, nz] = CELLS_XYZ;
-    let at = |axis: usize, n: usize, step: usize| {
-        if octant >> axis & 1 == 0 { n / 2 + step } else { n / 2 - step }
-    };
-    std::array::from_fn(|i| {
-        let (feature, cell) = (i % FEATURES, i / FEATURES);
-        let (x, y, z) = (at(0, nx, cell % 3), at(1, ny, cell / 3 % 2), at(2, nz, cell / 6));
-        (((z * ny + y) * nx + x) * FEATURES + feature) as u16
-    })
+    // The stencil's octants are numbered from the low corner and end at the centre.
+    let inward = STENCIL.octant_index(octant ^ (OCTANTS - 1));
+    std::array::from_fn(|i| (inward[inward.len() - 1 - i / FEATURES] * FEATURES + i % FEATURES) as u16)
 }
 
 #[cfg(test)]
@@ -237,5 +235,12 @@ mod tests {
         let centre = (4 * 3 + 1) * 5 + 2;
         assert_eq!(seen[centre * 2], 8);
         assert_eq!(seen[0], 1);
+        // Weights that were trained depend on this order.
+        let (plain, mirrored) = (octant_gather(0), octant_gather(0b101));
+        assert_eq!((plain[0], plain[2], plain[6], plain[12]), (67 * 2, 68 * 2, 72 * 2, 82 * 2));
+        assert_eq!(
+            (mirrored[0], mirrored[2], mirrored[6], mirrored[13]),
+            (67 * 2, 66 * 2, 72 * 2, 52 * 2 + 1)
+        );
     }
 }

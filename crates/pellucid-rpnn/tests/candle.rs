@@ -205,5 +205,5 @@ fn candle_goes_on_from_a_checkpoint_of_the_own_engine_and_its_clones_are_apart()
 fn candle_has_no_bf16() {
     let settings = TrainSettings { precision: Precision::Bf16, ..settings(Variant::SharedLevels) };
     let error = Trainer::new(settings).unwrap().with_engine(Engine::Candle).unwrap_err();
-    assert!(matches!(&error, RpnnError::Invalid { field, .. } if field == "precision"), "{error}");
+    assert!(matches!(&error, RpnnError::Invalid(fault) if fault.subject == "precision"), "{error}");
 }

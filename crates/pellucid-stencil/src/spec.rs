@@ -71,7 +71,7 @@ impl StencilSpec {
     }
 
     /// The method's stencil: 9 levels of 5 x 3 x 9 cells (paper section 4.2), raw coefficients.
-    pub fn paper() -> Self {
+    pub const fn paper() -> Self {
         Self { cells: [5, 3, 9], levels: 9, scale: LevelScale::Raw }
     }
 
@@ -89,12 +89,12 @@ impl StencilSpec {
     }
 
     /// Cells along `[x, y, z]`, each odd.
-    pub fn cells(&self) -> [usize; 3] {
+    pub const fn cells(&self) -> [usize; 3] {
         self.cells
     }
 
     /// Number of levels.
-    pub fn levels(&self) -> usize {
+    pub const fn levels(&self) -> usize {
         self.levels
     }
 
@@ -104,12 +104,12 @@ impl StencilSpec {
     }
 
     /// Cells of one level.
-    pub fn cells_per_level(&self) -> usize {
-        self.cells.iter().product()
+    pub const fn cells_per_level(&self) -> usize {
+        self.cells[0] * self.cells[1] * self.cells[2]
     }
 
     /// Cells of all levels.
-    pub fn cells_in_all(&self) -> usize {
+    pub const fn cells_in_all(&self) -> usize {
         self.levels * self.cells_per_level()
     }
 

@@ -89,7 +89,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     match result {
         Ok(()) => Ok(()),
         Err(_) if control.cancelled() => Err(Failure::Cancelled),
-        Err(error) => Err(Failure::Error(error.to_string())),
+        Err(error) => Err(Failure::Error(pellucid_core::chain(error.as_ref()))),
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pellucid::dataset::LabelledSet;
-use pellucid::dataset::samples::Sampler;
+use pellucid::dataset::Sampler;
 use pellucid::proof::{View, Visibility, contact_sheet};
 use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use pellucid::color::space::lab_of_linear_rgb;
-use pellucid::color::{ErrorStats, delta_e::delta_e_2000_of};
-use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
+use pellucid::color::{DeltaEStats, delta_e::delta_e_2000_of};
 use pellucid::dataset::{LabelledSet, ShapeClass};
+use pellucid::dataset::{STENCIL_VALUES, Sampler};
 use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::rpnn::train::Score;
 use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
@@ -230,5 +230,5 @@ fn delta_e(a: &[f32], b: &[f32], white: [f64; 3]) -> Result<f64, Error> {
     };
     let mut differences = vec![0.0; a.len() / 3];
     delta_e_2000_of(&lab(a), &lab(b), &mut differences);
-    Ok(ErrorStats::of(differences).mean)
+    Ok(DeltaEStats::of(&differences)?.mean)
 }

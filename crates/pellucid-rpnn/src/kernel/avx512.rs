@@ -3,9 +3,9 @@
 
 use std::arch::x86_64::*;
 
-use super::{Add, Finish, Left, Matrix, PANEL, Packed, TILE_ROWS, Target, Words, pack};
-use crate::adamw::Update;
-use crate::{Precision, adamw, transform};
+use super::optimiser::{self, Update};
+use super::{Add, Finish, Left, Matrix, PANEL, Packed, TILE_ROWS, Target, Words, features, pack};
+use crate::Precision;
 
 /// Proof that this machine has the instructions used here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,19 +15,18 @@ pub(crate) struct Proof {
 }
 
 impl Proof {
-    /// `None` on machines without AVX-512.
-    pub(super) fn detect() -> Option<Self> {
+    /// `None` on machines without AVX-512. Products of bf16 are made by f32 ones unless `bf16` allows for them.
+    pub(super) fn detect(bf16: bool) -> Option<Self> {
         let all = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512bw")
             && is_x86_feature_detected!("avx512vl")
             && is_x86_feature_detected!("fma");
-        all.then(|| Self { bf16: is_x86_feature_detected!("avx512bf16") })
+        all.then(|| Self { bf16: bf16 && is_x86_feature_detected!("avx512bf16") })
     }
 
-    /// The same machine as if it could not multiply bf16.
-    #[cfg(test)]
-    pub(super) fn without_bf16(self) -> Self {
-        Self { bf16: false }
+    /// Whether it multiplies bf16.
+    pub(super) fn bf16(self) -> bool {
+        self.bf16
     }
 }
 
@@ -48,10 +47,10 @@ macro_rules! compiled_for_avx512 {
 compiled_for_avx512!(pack::pack_right(right: Matrix<'_>, packed: &mut Packed));
 compiled_for_avx512!(pack::pack_left(left: Matrix<'_>, words: &mut [u32]));
 compiled_for_avx512!(pack::add_rows(values: &[f32], sums: &mut [f32]));
-compiled_for_avx512!(transform::log_features(level: &mut [f32], scale: f32));
+compiled_for_avx512!(features::log_features(level: &mut [f32], scale: f32));
 
-compiled_for_avx512!(adamw::sum_of_squares(values: &[f32]) -> f64);
-compiled_for_avx512!(adamw::update(
+compiled_for_avx512!(optimiser::sum_of_squares(values: &[f32]) -> f64);
+compiled_for_avx512!(optimiser::update(
     u: Update,
     parameters: &mut [f32],
     gradient: &[f32],

@@ -2,19 +2,23 @@
 //!
 //! The right factor is packed into panels of [`PANEL`] columns, the left one is read in place (f32) or rounded
 //! to pairs of bf16. Sums run over the inner axis in order, so an entry of the result depends on its row, its
-//! column and the form of the kernel only, not on the size of the batch. The AVX-512 form is chosen at run time; the portable form is its
-//! twin under the same tests. All unsafe code of the crate is in [`avx512`].
+//! column and the form of the kernel only, not on the size of the batch. The AVX-512 form is chosen at run time;
+//! the portable form is its twin under the same tests. All unsafe code of the crate is in [`avx512`].
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod features;
+mod optimiser;
 mod pack;
 mod portable;
 #[cfg(test)]
 mod tests;
 
-use crate::adamw::Update;
-use crate::{Precision, adamw, transform};
+use pellucid_core::InstructionSet;
 
+use crate::Precision;
+
+pub(crate) use optimiser::Update;
 pub(crate) use pack::Matrix;
 
 /// Columns of a panel: two vectors of AVX-512.
@@ -58,13 +62,27 @@ pub(crate) enum Form {
 }
 
 impl Form {
-    /// The fastest form that this machine runs.
-    pub(crate) fn detect() -> Self {
+    /// The fastest form that is not above `set`.
+    pub(crate) fn of(set: InstructionSet) -> Self {
         #[cfg(target_arch = "x86_64")]
-        if let Some(proof) = avx512::Proof::detect() {
+        if set >= InstructionSet::Avx512
+            && let Some(proof) = avx512::Proof::detect(set >= InstructionSet::Avx512Bf16)
+        {
             return Self::Avx512(proof);
         }
+        let _ = set;
         Self::Portable
+    }
+
+    /// What it needs.
+    pub(crate) fn instruction_set(self) -> InstructionSet {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(proof) if proof.bf16() => InstructionSet::Avx512Bf16,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => InstructionSet::Avx512,
+            Self::Portable => InstructionSet::Portable,
+        }
     }
 }
 
@@ -113,16 +131,26 @@ struct Target<'a> {
 }
 
 /// Multiplies, with scratch memory of its own.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Products {
     form: Form,
     left: Vec<u32>,
     right: Packed,
 }
 
+impl Clone for Products {
+    fn clone(&self) -> Self {
+        Self::new(self.form)
+    }
+}
+
 impl Products {
     pub(crate) fn new(form: Form) -> Self {
         Self { form, left: Vec::new(), right: Packed::default() }
+    }
+
+    pub(crate) fn form(&self) -> Form {
+        self.form
     }
 
     /// Packs a right factor, reusing the memory of `packed`.
@@ -158,17 +186,18 @@ impl Products {
     }
 }
 
-/// [`transform::log_features`] in the machine's form.
-pub(crate) fn log_features(level: &mut [f32], scale: f32) {
-    match Form::detect() {
+/// [`features::log_features`] in a form that `set` allows for; all give the same bits.
+pub(crate) fn log_features(set: InstructionSet, level: &mut [f32], scale: f32) {
+    match Form::of(set) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::log_features(proof, level, scale),
-        Form::Portable => transform::log_features(level, scale),
+        Form::Portable => features::log_features(level, scale),
     }
 }
 
-/// [`adamw::update`] in the machine's form.
+/// [`optimiser::update`] in a form that `set` allows for; all give the same bits.
 pub(crate) fn update(
+    set: InstructionSet,
     update: Update,
     parameters: &mut [f32],
     gradient: &[f32],
@@ -176,19 +205,19 @@ pub(crate) fn update(
     second: &mut [f32],
     average: &mut [f32],
 ) {
-    match Form::detect() {
+    match Form::of(set) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::update(proof, update, parameters, gradient, first, second, average),
-        Form::Portable => adamw::update(update, parameters, gradient, first, second, average),
+        Form::Portable => optimiser::update(update, parameters, gradient, first, second, average),
     }
 }
 
-/// [`adamw::sum_of_squares`] in the machine's form.
-pub(crate) fn sum_of_squares(values: &[f32]) -> f64 {
-    match Form::detect() {
+/// [`optimiser::sum_of_squares`] in a form that `set` allows for; all give the same bits.
+pub(crate) fn sum_of_squares(set: InstructionSet, values: &[f32]) -> f64 {
+    match Form::of(set) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::sum_of_squares(proof, values),
-        Form::Portable => adamw::sum_of_squares(values),
+        Form::Portable => optimiser::sum_of_squares(values),
     }
 }
 

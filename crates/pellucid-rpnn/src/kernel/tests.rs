@@ -13,11 +13,8 @@ fn values(seed: u64, n: usize) -> Vec<f32> {
 
 /// Every form that this machine runs.
 fn forms() -> Vec<Form> {
-    let mut forms = vec![Form::Portable];
-    #[cfg(target_arch = "x86_64")]
-    if let Some(proof) = avx512::Proof::detect() {
-        forms.extend([Form::Avx512(proof), Form::Avx512(proof.without_bf16())]);
-    }
+    let mut forms: Vec<Form> = InstructionSet::available().map(Form::of).collect();
+    forms.dedup();
     forms
 }
 
@@ -144,6 +141,37 @@ fn rows_are_summed() {
             assert!((sum - expected).abs() < 1e-5);
         }
     }
+}
+
+/// The transform and the optimiser give the same bits in every form.
+#[test]
+fn elementwise_work_does_not_depend_on_the_form() {
+    let n = 1003;
+    let positive: Vec<f32> = values(4, n).iter().map(|v| 9.0 * v.abs()).collect();
+    let step = Update {
+        scale: 0.7,
+        first_rate: 0.1,
+        second_rate: 0.01,
+        first_scale: 1.3,
+        second_scale: 2.1,
+        rate: 1e-3,
+        epsilon: 1e-8,
+        decay: 1e-5,
+        average_rate: 0.02,
+    };
+    let mut results = InstructionSet::available().map(|set| {
+        let mut features = positive.clone();
+        log_features(set, &mut features, 4.0);
+        let [mut parameters, mut first, mut average] = [5, 6, 7].map(|seed| values(seed, n));
+        let mut second = positive.clone();
+        update(set, step, &mut parameters, &values(8, n), &mut first, &mut second, &mut average);
+        let squares = sum_of_squares(set, &values(9, n));
+        let bits: Vec<u32> =
+            [features, parameters, first, second, average].concat().iter().map(|v| v.to_bits()).collect();
+        (bits, squares.to_bits())
+    });
+    let portable = results.next().unwrap();
+    assert!(results.all(|of_set| of_set == portable));
 }
 
 #[test]

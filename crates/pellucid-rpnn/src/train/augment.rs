@@ -7,15 +7,13 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use crate::transform::InputForm;
-use crate::variant::{CELLS, CELLS_XYZ, FEATURES, INPUTS, OCTANTS};
+use crate::variant::{CELLS, CELLS_XYZ, FEATURES, INPUTS, OCTANTS, STENCIL};
 
 /// Position within a level of every cell mirrored along the axes whose bits are set (bit 0 is x).
 fn mirrored_cells(axes: usize) -> [u16; CELLS] {
-    let [nx, ny, nz] = CELLS_XYZ;
-    let flip = |axis: usize, n: usize, i: usize| if axes >> axis & 1 == 1 { n - 1 - i } else { i };
+    let [nx, ny, _] = CELLS_XYZ;
     std::array::from_fn(|cell| {
-        let (x, y, z) = (cell % nx, cell / nx % ny, cell / nx / ny);
-        ((flip(2, nz, z) * ny + flip(1, ny, y)) * nx + flip(0, nx, x)) as u16
+        STENCIL.mirrored_index([cell % nx, cell / nx % ny, cell / nx / ny], axes) as u16
     })
 }
 

@@ -30,7 +30,10 @@ impl Passes {
     pub(super) fn new(engine: Engine, settings: &TrainSettings) -> Result<Self, RpnnError> {
         match engine {
             Engine::Own => {
-                let network = Network::new(settings.variant, settings.batch, settings.precision)?;
+                let mut network = Network::new(settings.variant, settings.batch, settings.precision)?;
+                if let Some(set) = settings.instruction_set {
+                    network = network.with_instruction_set(set)?;
+                }
                 Ok(Self::Own(Box::new(network)))
             }
             #[cfg(feature = "candle")]

@@ -7,7 +7,7 @@
 //! | [`engine`] | who computes outputs and gradients: [`Engine`] |
 //! | [`augment`] | from raw stencils to mirrored network inputs |
 //! | [`checkpoint`] | the state as a file |
-//! | [`curve`] | loss and validation over the run, as CSV and SVG |
+//! | [`curve`] | loss and validation over the run, as CSV |
 //! | [`score`](mod@score) | errors of predictions against labels: [`Score`] |
 
 pub mod augment;

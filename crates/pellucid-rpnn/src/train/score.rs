@@ -1,5 +1,6 @@
 //! Errors of predictions against labels.
 
+use pellucid_core::{ErrorStats, NoisyScore};
 use serde::{Deserialize, Serialize};
 
 use crate::RpnnError;
@@ -38,21 +39,22 @@ impl Score {
                 format!("{n} predictions, {} labels, {} errors", labels.len(), standard_error.len()),
             ));
         }
-        let mut difference: Vec<f64> =
-            predicted.iter().zip(labels).map(|(p, l)| f64::from(*p) - f64::from(*l)).collect();
-        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / n as f64;
-        let squared = mean(&mut difference.iter().map(|d| d * d));
-        let bias = mean(&mut difference.iter().copied());
-        let noise = mean(&mut standard_error.iter().map(|&s| f64::from(s).powi(2)));
-        difference.iter_mut().for_each(|d| *d = d.abs());
-        let rank = (n * 95 / 100).min(n - 1);
-        let p95 = *difference.select_nth_unstable_by(rank, f64::total_cmp).1;
+        let mut score = NoisyScore::default();
+        let mut sizes = Vec::with_capacity(n);
+        let mut noise = 0.0;
+        for ((&predicted, &label), &error) in predicted.iter().zip(labels).zip(standard_error) {
+            let (difference, variance) =
+                (f64::from(predicted) - f64::from(label), f64::from(error) * f64::from(error));
+            score.add_difference(difference, variance);
+            sizes.push(difference.abs() as f32);
+            noise += variance;
+        }
         Ok(Self {
             samples: n as u64,
-            rmse: (squared - noise).max(0.0).sqrt(),
-            bias,
-            p95,
-            label_noise: noise.sqrt(),
+            rmse: score.rmse(),
+            bias: score.bias(),
+            p95: ErrorStats::of(sizes).p95,
+            label_noise: (noise / n as f64).sqrt(),
         })
     }
 }

@@ -1,5 +1,6 @@
 //! What a training run does.
 
+use pellucid_core::InstructionSet;
 use serde::{Deserialize, Serialize};
 
 use crate::adamw::AdamWSettings;
@@ -32,6 +33,10 @@ pub struct TrainSettings {
     pub precision: Precision,
     /// Radiance that the untrained network starts near.
     pub mean_radiance: f32,
+    /// Instruction set of this crate's own engine, or `None` for [`InstructionSet::chosen`]. Runs on different sets
+    /// drift apart by rounding.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instruction_set: Option<InstructionSet>,
 }
 
 impl Default for TrainSettings {
@@ -48,6 +53,7 @@ impl Default for TrainSettings {
             form: InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine },
             precision: Precision::F32,
             mean_radiance: 0.4,
+            instruction_set: None,
         }
     }
 }
@@ -56,7 +62,8 @@ impl TrainSettings {
     /// Checks ranges.
     ///
     /// # Errors
-    /// [`RpnnError::Invalid`] naming the field.
+    /// [`RpnnError::Invalid`] naming the field, [`RpnnError::Unsupported`] for an instruction set that this processor
+    /// lacks.
     pub fn check(&self) -> Result<(), RpnnError> {
         let a = &self.optimiser;
         let decays = [("beta1", a.beta1), ("beta2", a.beta2), ("average decay", a.average_decay)];
@@ -81,6 +88,9 @@ impl TrainSettings {
         }
         if !self.mean_radiance.is_finite() {
             return Err(RpnnError::invalid("mean radiance", "must be a number"));
+        }
+        if let Some(set) = self.instruction_set {
+            set.require().map_err(RpnnError::Unsupported)?;
         }
         Ok(())
     }

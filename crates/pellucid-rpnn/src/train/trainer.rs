@@ -85,7 +85,7 @@ impl Trainer {
     /// A run from random weights.
     ///
     /// # Errors
-    /// [`RpnnError::Invalid`] naming the setting that is out of range.
+    /// As [`TrainSettings::check`].
     pub fn new(settings: TrainSettings) -> Result<Self, RpnnError> {
         settings.check()?;
         let weights = Weights::initial(settings.variant, settings.seed, settings.mean_radiance);
@@ -192,7 +192,7 @@ impl Trainer {
         let b = &mut self.buffers;
         source
             .batch(index, &mut b.inputs, &mut b.labels)
-            .map_err(|reason| RpnnError::Source { batch: index, reason })?;
+            .map_err(|source| RpnnError::Source { batch: index, source })?;
         self.augment.apply(index, &mut b.inputs);
         self.passes.forward(&self.weights, &b.inputs, &mut b.out)?;
         let scale = 2.0 / self.settings.batch as f32;
@@ -239,6 +239,9 @@ impl Trainer {
         standard_error: &[f32],
     ) -> Result<Score, RpnnError> {
         let mut inference = Inference::new(&self.averaged()?, self.settings.form, self.settings.precision)?;
+        if let Some(set) = self.settings.instruction_set {
+            inference = inference.with_instruction_set(set)?;
+        }
         let mut out = vec![0.0; labels.len()];
         inference.radiance(stencils, &mut out)?;
         Score::new(&out, labels, standard_error)

@@ -216,7 +216,7 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::{hash, unit};
+    use crate::volume::noise::{hash, unit};
 
     #[test]
     fn distances_are_one_lipschitz_and_solids_fit_their_reach() {

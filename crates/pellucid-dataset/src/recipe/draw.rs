@@ -3,9 +3,9 @@
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
-use crate::noise::{hash, unit};
-use crate::shape::{Limb, Shape};
-use crate::texture::{Dither, Pattern, Texture, random_mixture};
+use crate::volume::noise::{hash, unit};
+use crate::volume::shape::{Limb, Shape};
+use crate::volume::texture::{Dither, Pattern, Texture, random_mixture};
 use crate::{Recipe, ShapeClass, Split};
 
 impl Recipe {

@@ -9,10 +9,11 @@
 
 use std::path::Path;
 
+use pellucid_core::files::read_bounded;
 use pellucid_voxel::MaterialTable;
 use serde::{Deserialize, Serialize};
 
-use crate::samples::{Fnv, Samples};
+use super::samples::{Fnv, Samples};
 use crate::{DatasetError, Recipe, Split};
 
 const MAGIC: &[u8; 8] = b"PELLSET1";
@@ -193,17 +194,13 @@ pub(crate) struct Contents {
 
 /// Reads what is whole of a file.
 pub(crate) fn read(path: &Path) -> Result<Contents, DatasetError> {
-    let io = |e: std::io::Error| DatasetError::Io { path: path.to_owned(), reason: e.to_string() };
-    let length = std::fs::metadata(path).map_err(io)?.len();
-    if length > MAX_BYTES {
-        return Err(unsupported(path, "size", format!("{length} bytes; files have at most {MAX_BYTES}")));
-    }
-    parse(path, &std::fs::read(path).map_err(io)?)
+    parse(path, &read_bounded(path, MAX_BYTES)?)
 }
 
 /// As [`read`], from memory.
 pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Contents, DatasetError> {
-    let broken = |reason: &str| unsupported(path, "header", reason);
+    let remedy = "give a file of `pellucid dataset generate`, or generate it again";
+    let broken = |reason: &str| DatasetError::damaged(path, "header", reason, remedy);
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| broken("it does not start with \"PELLSET1\""))?;
     let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(|| broken("it is cut off"))?;
     let length = u32::from_le_bytes(*length) as usize;
@@ -213,7 +210,7 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Contents, DatasetError>
     let (json, rest) = rest.split_at_checked(length).ok_or_else(|| broken("it is cut off"))?;
     let (sum, body) = rest.split_first_chunk::<8>().ok_or_else(|| broken("it is cut off"))?;
     if checksum(json) != u64::from_le_bytes(*sum) {
-        return Err(broken("its checksum is wrong; generate the set again"));
+        return Err(broken("its checksum is wrong"));
     }
     let header: SetHeader = serde_json::from_slice(json).map_err(|e| broken(&e.to_string()))?;
     header.check().map_err(|e| broken(&e.to_string()))?;
@@ -223,10 +220,6 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Contents, DatasetError>
         body.chunks_exact(size).map_while(|record| Record::parse(record, points, channels)).collect();
     let good_bytes = (bytes.len() - body.len() + records.len() * size) as u64;
     Ok(Contents { broken: good_bytes < bytes.len() as u64, header, records, good_bytes })
-}
-
-pub(crate) fn unsupported(path: &Path, field: &str, reason: impl Into<String>) -> DatasetError {
-    DatasetError::Unsupported { path: path.to_owned(), field: field.into(), reason: reason.into() }
 }
 
 fn checksum(bytes: &[u8]) -> u64 {

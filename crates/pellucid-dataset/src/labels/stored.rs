@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use half::f16;
 use pellucid_voxel::{AIR, Control};
 
-use crate::generate::{check_complete, sampler_of};
-use crate::samples::digest;
-use crate::set_file::{self, Contents, Record, SetHeader, Shard, unsupported};
-use crate::{DatasetError, Sampler};
+use super::generate::{check_complete, sampler_of};
+use super::half_stencils::HalfStencils;
+use super::samples::Sampler;
+use super::samples::digest;
+use super::set_file::{self, Contents, Record, SetHeader, Shard};
+use crate::DatasetError;
 
 /// The volumes of a finished set, in ascending order. Their stencils are made when they are asked for.
 #[derive(Clone, Debug)]
@@ -23,8 +24,8 @@ impl StoredVolumes {
     /// Reads the file of the whole set, or those of all its shards in any order.
     ///
     /// # Errors
-    /// [`DatasetError::Io`]; [`DatasetError::Unsupported`] naming a file that is damaged or does not belong to
-    /// the others; [`DatasetError::Invalid`] when a shard is missing.
+    /// [`DatasetError::Io`]; [`DatasetError::Invalid`] naming a file that is damaged, or when a shard is missing;
+    /// [`DatasetError::Unsupported`] naming a file that does not belong to the others.
     pub fn load<P: AsRef<Path>>(paths: &[P]) -> Result<Self, DatasetError> {
         let mut files: Vec<(&Path, Contents)> = Vec::new();
         for path in paths.iter().map(AsRef::as_ref) {
@@ -40,7 +41,13 @@ impl StoredVolumes {
         for (path, there) in &files {
             let same = SetHeader { shard: Shard::WHOLE, ..there.header.clone() } == header;
             if !same || there.header.shard.count != count {
-                return Err(unsupported(path, "recipe", "it is of another set than the first file"));
+                let remedy = "give the files of one set";
+                return Err(DatasetError::foreign(
+                    path,
+                    "recipe",
+                    "it is of another set than the first file",
+                    remedy,
+                ));
             }
         }
         let mut shards: Vec<u32> = files.iter().map(|(_, there)| there.header.shard.index).collect();
@@ -93,15 +100,16 @@ impl StoredVolumes {
     /// # Errors
     /// [`DatasetError::Unsupported`] when this version makes another volume of the recipe;
     /// [`DatasetError::Cancelled`].
-    pub(crate) fn stencils(&self, at: usize, control: &Control<'_>) -> Result<Vec<f16>, DatasetError> {
+    pub(crate) fn stencils(&self, at: usize, control: &Control<'_>) -> Result<HalfStencils, DatasetError> {
         let (path, record) = &self.records[at];
         let grid = self.sampler.grid(record.volume)?;
         let voxels: Vec<[u32; 3]> = record.voxels.iter().map(|v| v.map(u32::from)).collect();
         if digest(&grid) != record.digest || voxels.iter().any(|v| grid.at(v.map(i64::from)) == AIR) {
-            return Err(unsupported(
+            return Err(DatasetError::foreign(
                 path,
                 &format!("volume {}", record.volume),
-                "this version makes another one of the recipe; generate the set again",
+                "this version makes another one of the recipe",
+                "generate the set again",
             ));
         }
         self.sampler.stencils(&grid, &voxels, control)

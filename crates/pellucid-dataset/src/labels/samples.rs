@@ -1,29 +1,36 @@
 //! Labelled samples of one volume.
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
 use pellucid_stencil::{Coefficients, Features, StencilSpec, Stencils};
 use pellucid_trace::{Boundary, ErrorTarget, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, CountSat, LabelGrid, Material, MaterialTable, Surface, SurfaceOptions, Tile};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
-use crate::blue_noise::BlueNoise;
+use super::half_stencils::HalfStencils;
+use crate::volume::blue_noise::BlueNoise;
 use crate::volume::fill;
 use crate::{DatasetError, Recipe, Split};
 
-/// Values of one sample's stencil: 9 levels of 9 x 3 x 5 cells (z, y, x) of sigma_s and sigma_a.
-pub const STENCIL_VALUES: usize = 9 * 9 * 3 * 5 * 2;
 /// Points whose stencils are extracted at a time.
 const CHUNK: usize = 256;
 
-/// How many paths a label takes.
+/// How a point is labelled: how many paths its radiance takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Labels {
+pub enum Labelling {
     /// A fixed number for each point and channel.
     Paths(u32),
     /// As many as bring the standard error to a target.
     Error(ErrorTarget),
+}
+
+impl Labelling {
+    /// What a split asks for.
+    pub fn of(split: &Split) -> Self {
+        match split.std_error {
+            Some(std_error) => Self::Error(ErrorTarget { std_error, max_spp: split.spp.max(32) }),
+            None => Self::Paths(split.spp),
+        }
+    }
 }
 
 /// Labelled points of one volume.
@@ -34,7 +41,7 @@ pub struct Samples {
     /// The points' voxels `[x, y, z]`.
     pub voxels: Vec<[u32; 3]>,
     /// Ordered `[point][channel][level][z][y][x][feature]`, 1/mm.
-    pub stencils: Vec<f16>,
+    pub stencils: HalfStencils,
     /// Ordered `[point][channel]`, within 0..=1.
     pub radiance: Vec<f32>,
     /// Standard errors of `radiance`.
@@ -104,7 +111,7 @@ impl Sampler {
         &self,
         volume: u32,
         points: u32,
-        labels: Labels,
+        labels: Labelling,
         control: &Control<'_>,
     ) -> Result<Samples, DatasetError> {
         let grid = self.grid(volume)?;
@@ -121,17 +128,17 @@ impl Sampler {
 
         let stencils = self.stencils(&grid, &voxels, control)?;
         let traced = Volume::new(&grid, &surface, control)?;
-        let spp = if let Labels::Paths(spp) = labels { spp } else { 1 };
+        let spp = if let Labelling::Paths(spp) = labels { spp } else { 1 };
         let options =
             TraceOptions { spp, seed: rng.next_u64(), boundary: self.boundary, ..Default::default() };
         let tracer = Tracer::new(&traced, &self.materials, options)?;
         let mut radiance = vec![0.0; chosen.len() * self.channels()];
         let mut std_error = radiance.clone();
         match labels {
-            Labels::Paths(_) => {
+            Labelling::Paths(_) => {
                 tracer.radiance_with_error(&chosen, 0, &mut radiance, &mut std_error, control)?;
             }
-            Labels::Error(target) => {
+            Labelling::Error(target) => {
                 // Paths of their own: comparisons with the other kind of label are independent.
                 tracer.radiance_to(&chosen, 1, target, &mut radiance, &mut std_error, control)?;
             }
@@ -151,17 +158,17 @@ impl Sampler {
     /// The stencils of some voxels of a volume, ordered as [`Samples::stencils`].
     ///
     /// # Errors
-    /// [`DatasetError::Stencil`] when a voxel lies outside the grid, [`DatasetError::Cancelled`].
+    /// [`DatasetError::Invalid`] when a voxel lies outside the grid, [`DatasetError::Cancelled`].
     pub fn stencils(
         &self,
         grid: &LabelGrid,
         voxels: &[[u32; 3]],
         control: &Control<'_>,
-    ) -> Result<Vec<f16>, DatasetError> {
+    ) -> Result<HalfStencils, DatasetError> {
         let sat = CountSat::build(grid, self.materials.len(), control)?;
         let stencils = Stencils::new(StencilSpec::paper(), grid, &sat)?;
         let row = self.coefficients.values_per_point(stencils.spec());
-        let mut out = vec![f16::ZERO; voxels.len() * row];
+        let mut out = HalfStencils::zeros(voxels.len() * self.channels());
         let mut buffer = vec![0.0; voxels.len().min(CHUNK) * row];
         // Neighbours are cheaper together.
         let order = pellucid_stencil::near_order(voxels);
@@ -170,7 +177,7 @@ impl Sampler {
             let buffer = &mut buffer[..part.len() * row];
             stencils.extract(&self.coefficients, &part, buffer, control)?;
             for (values, &i) in buffer.chunks_exact(row).zip(order) {
-                out[i as usize * row..][..row].convert_from_f32_slice(values);
+                out.set(i as usize * self.channels(), values);
             }
         }
         Ok(out)

@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
+use pellucid_core::files::read_text_bounded;
 use pellucid_voxel::Pitch;
 use serde::{Deserialize, Serialize};
 
 use crate::DatasetError;
+
+pub(crate) mod draw;
 
 /// Families of solids. The first four are the paper's (section 4.1), the others what it lists as limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -88,16 +91,15 @@ impl Recipe {
     /// Reads and checks a recipe in JSON.
     ///
     /// # Errors
-    /// [`DatasetError::Io`] when the file cannot be read, is no recipe or is over 1 MiB long;
-    /// [`DatasetError::Invalid`] as [`Recipe::check`].
+    /// [`DatasetError::Io`] when the file cannot be read or is over 1 MiB long; [`DatasetError::Invalid`] when it is no
+    /// recipe, and as [`Recipe::check`].
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
-        let io = |reason: String| DatasetError::Io { path: path.to_owned(), reason };
-        let length = std::fs::metadata(path).map_err(|e| io(e.to_string()))?.len();
-        if length > MAX_FILE {
-            return Err(io(format!("{length} bytes; a recipe has at most {MAX_FILE}")));
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| io(e.to_string()))?;
-        let recipe: Self = serde_json::from_str(&text).map_err(|e| io(e.to_string()))?;
+        let text = read_text_bounded(path, MAX_FILE)?;
+        let damaged = |e: serde_json::Error| {
+            let remedy = "start from datasets/recipes/default.json";
+            DatasetError::damaged(path, "recipe", format!("is no recipe in JSON ({e})"), remedy)
+        };
+        let recipe: Self = serde_json::from_str(&text).map_err(damaged)?;
         recipe.check()?;
         Ok(recipe)
     }
@@ -107,8 +109,7 @@ impl Recipe {
     /// # Errors
     /// [`DatasetError::Invalid`] naming the field.
     pub fn check(&self) -> Result<(), DatasetError> {
-        let invalid =
-            |field: String, reason: &str| Err(DatasetError::Invalid { field, reason: reason.into() });
+        let invalid = |field: String, reason: &str| Err(DatasetError::invalid(field, reason));
         let [low, high] = self.size_mm;
         if !(1.0..=100.0).contains(&low) || !(low..=100.0).contains(&high) {
             return invalid("size_mm".into(), "must ascend within 1 to 100 mm");
@@ -153,12 +154,9 @@ impl Recipe {
     /// # Errors
     /// [`DatasetError::Invalid`] listing the names there are.
     pub fn split(&self, name: &str) -> Result<&Split, DatasetError> {
-        self.splits.iter().find(|s| s.name == name).ok_or_else(|| DatasetError::Invalid {
-            field: format!("split {name:?}"),
-            reason: format!(
-                "the recipe has {}",
-                self.splits.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ")
-            ),
+        self.splits.iter().find(|s| s.name == name).ok_or_else(|| {
+            let names: Vec<_> = self.splits.iter().map(|s| s.name.as_str()).collect();
+            DatasetError::invalid(format!("split {name:?}"), format!("the recipe has {}", names.join(", ")))
         })
     }
 }
@@ -202,7 +200,7 @@ mod tests {
 
     #[test]
     fn the_default_recipe_is_valid() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../datasets/recipes/default.json");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("recipes/default.json");
         let recipe = Recipe::read(&path).unwrap();
         let splits = ["train", "validation", "test", "unseen-shape", "thin", "loops"];
         for split in splits {

@@ -1,10 +1,22 @@
 //! From a solid and an arrangement to voxels.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`shape`] | the solids, as signed distances |
+//! | [`texture`] | material arrangements: patterns, mixtures, halftone |
+//! | [`noise`] | the noise they are made of |
+//! | [`blue_noise`] | thresholds of a refined print's halftone |
+
+pub mod blue_noise;
+pub mod noise;
+pub mod shape;
+pub mod texture;
 
 use pellucid_voxel::{AIR, Frame, LabelGrid, Pitch, TILE, TILE_VOXELS, Tile, VoxelError};
 
-use crate::blue_noise::BlueNoise;
-use crate::shape::Shape;
-use crate::texture::Texture;
+use blue_noise::BlueNoise;
+use shape::Shape;
+use texture::Texture;
 
 /// Fills a solid with an arrangement; one voxel of air on every side.
 ///
@@ -55,8 +67,8 @@ pub fn fill(
 
 #[cfg(test)]
 mod tests {
+    use super::texture::{Dither, Pattern};
     use super::*;
-    use crate::texture::{Dither, Pattern};
 
     #[test]
     fn a_coated_ball_has_the_right_volumes() {

@@ -4,8 +4,8 @@
 use rand_core::Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::blue_noise::BlueNoise;
-use crate::noise::{FractalNoise, GradientNoise, Lattice, VoronoiCells, hash, unit};
+use crate::volume::blue_noise::BlueNoise;
+use crate::volume::noise::{FractalNoise, GradientNoise, Lattice, VoronoiCells, hash, unit};
 use pellucid_voxel::Frame;
 
 /// Volume fractions of the materials, in label order; sum 1.
@@ -200,7 +200,7 @@ fn pick(mixture: &[f64], threshold: f64) -> u8 {
 }
 
 /// A random mixture: a pure material, two materials, a tint of the last (white), or anything.
-pub fn random_mixture(rng: &mut impl Rng, materials: usize) -> Mixture {
+pub(crate) fn random_mixture(rng: &mut impl Rng, materials: usize) -> Mixture {
     let mut uniform = || unit(rng.next_u64());
     let mut mixture = vec![0.0; materials];
     let any = |u: f64, n: usize| ((u * n as f64) as usize).min(n - 1);

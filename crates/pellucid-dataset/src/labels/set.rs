@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
 use pellucid_voxel::Control;
 
-use crate::samples::STENCIL_VALUES;
-use crate::set_file::SetHeader;
-use crate::{DatasetError, ShapeClass, StoredVolumes};
+use super::half_stencils::HalfStencils;
+use super::set_file::SetHeader;
+use super::stored::StoredVolumes;
+use crate::{DatasetError, ShapeClass};
 
 /// Most samples held: 4.9 GB.
 const MAX_SAMPLES: u64 = 1_000_000;
@@ -21,7 +20,7 @@ pub struct LabelledSet {
     volumes: Vec<u32>,
     classes: Vec<ShapeClass>,
     voxels: Vec<[u16; 3]>,
-    stencils: Vec<f16>,
+    stencils: HalfStencils,
     radiance: Vec<f32>,
     std_error: Vec<f32>,
 }
@@ -31,9 +30,9 @@ impl LabelledSet {
     /// stencils anew. Progress counts volumes.
     ///
     /// # Errors
-    /// [`DatasetError::Io`]; [`DatasetError::Unsupported`] naming a file that is damaged, does not belong to
-    /// the others, or comes from a version whose volumes were different; [`DatasetError::Invalid`] when a
-    /// shard is missing; [`DatasetError::Cancelled`].
+    /// [`DatasetError::Io`]; [`DatasetError::Invalid`] naming a file that is damaged, or when a shard is missing;
+    /// [`DatasetError::Unsupported`] naming a file that does not belong to the others or comes from a version whose
+    /// volumes were different; [`DatasetError::Cancelled`].
     pub fn load<P: AsRef<Path>>(paths: &[P], control: &Control<'_>) -> Result<Self, DatasetError> {
         let stored = StoredVolumes::load(paths)?;
         let samples = stored.samples();
@@ -46,7 +45,7 @@ impl LabelledSet {
             volumes: Vec::new(),
             classes: Vec::new(),
             voxels: Vec::new(),
-            stencils: Vec::with_capacity(samples as usize * STENCIL_VALUES),
+            stencils: HalfStencils::with_capacity(samples as usize),
             radiance: Vec::new(),
             std_error: Vec::new(),
             header: header.clone(),
@@ -55,7 +54,7 @@ impl LabelledSet {
             control.report(at as u64, stored.len() as u64);
             control.check()?;
             let record = stored.record(at);
-            set.stencils.extend(stored.stencils(at, &control.silent())?);
+            set.stencils.extend(&stored.stencils(at, &control.silent())?);
             set.volumes.push(record.volume);
             set.classes.push(header.recipe.class(split, record.volume));
             set.voxels.extend(&record.voxels);
@@ -118,18 +117,22 @@ impl LabelledSet {
         self.voxels[sample / self.channels()].map(u32::from)
     }
 
-    /// Writes the stencils of samples `first..` to `out`, [`STENCIL_VALUES`] a sample, ordered
+    /// Writes the stencils of samples `first..` to `out`, [`STENCIL_VALUES`](crate::STENCIL_VALUES) a sample, ordered
     /// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm.
     ///
     /// # Panics
     /// When `out` is no whole number of stencils or reaches past the last one.
     pub fn stencils(&self, first: usize, out: &mut [f32]) {
-        assert!(out.len().is_multiple_of(STENCIL_VALUES), "whole stencils");
-        let start = first * STENCIL_VALUES;
-        self.stencils[start..start + out.len()].convert_to_f32_slice(out);
+        self.stencils.write(first, out);
     }
 
-    fn per_volume(&self) -> usize {
+    /// Number of volumes.
+    pub(crate) fn volumes(&self) -> usize {
+        self.volumes.len()
+    }
+
+    /// Samples of a volume.
+    pub(crate) fn per_volume(&self) -> usize {
         self.radiance.len() / self.volumes.len()
     }
 }

@@ -2,7 +2,7 @@
 
 use pellucid_voxel::Pitch;
 
-use crate::noise::{hash, unit};
+use crate::volume::noise::{hash, unit};
 
 /// Voxels of a period along `[x, y, z]`.
 const SIZE: [usize; 3] = [32, 16, 48];

@@ -1,75 +1,22 @@
 //! An endless stream of training batches, of fresh volumes made while they are used or of a stored set.
 
+mod block;
+mod options;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use half::f16;
-use half::slice::HalfFloatSliceExt;
 use pellucid_trace::Boundary;
 use pellucid_voxel::{Control, MaterialTable};
-use rayon::prelude::*;
 
-use crate::samples::{Labels, STENCIL_VALUES, Sampler, permutation};
-use crate::{DatasetError, Recipe, StoredVolumes};
+use crate::labels::permutation;
+use crate::{DatasetError, Recipe, STENCIL_VALUES, Sampler, StoredVolumes};
+use block::{Block, Volumes, make_block};
 
-/// What a stream consists of.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StreamOptions {
-    /// Samples a batch.
-    pub batch: usize,
-    /// Volumes whose samples are shuffled together, even.
-    pub window: u32,
-    /// Surface points drawn from each volume; each is a sample in every channel.
-    pub points: u32,
-    /// Paths a point and channel of the labels.
-    pub spp: u32,
-    /// The object's surface.
-    pub boundary: Boundary,
-    /// Seed of the shuffle; volumes and labels follow from the recipe's.
-    pub seed: u64,
-    /// Threads that make samples in the background.
-    pub threads: usize,
-}
-
-impl Default for StreamOptions {
-    /// Batches of 256 from windows of 48 volumes with 1024 points, 64 paths a label, one thread: 1.1 GB.
-    fn default() -> Self {
-        Self {
-            batch: 256,
-            window: 48,
-            points: 1024,
-            spp: 64,
-            boundary: Boundary::default(),
-            seed: 0,
-            threads: 1,
-        }
-    }
-}
-
-impl StreamOptions {
-    /// Checks ranges.
-    ///
-    /// # Errors
-    /// [`DatasetError::Invalid`] naming the field.
-    pub fn check(&self) -> Result<(), DatasetError> {
-        let positive = [
-            ("batch", self.batch as u64),
-            ("points", u64::from(self.points)),
-            ("spp", u64::from(self.spp)),
-            ("threads", self.threads as u64),
-        ];
-        if let Some((field, _)) = positive.iter().find(|(_, n)| *n == 0) {
-            return Err(DatasetError::invalid(*field, "must be at least 1"));
-        }
-        if self.window < 2 || !self.window.is_multiple_of(2) {
-            return Err(DatasetError::invalid("window", format!("{}; it must be even", self.window)));
-        }
-        Ok(())
-    }
-}
+pub use options::StreamOptions;
 
 /// An endless, addressable stream of training samples. One sample is one surface point in one channel.
 ///
@@ -124,12 +71,6 @@ struct Job {
     cancel: Arc<AtomicBool>,
 }
 
-/// Samples of half a window of volumes, `[volume][point][channel]`.
-struct Block {
-    stencils: Vec<f16>,
-    radiance: Vec<f32>,
-}
-
 /// Marks samples of a window's second block.
 const LATER: u32 = 1 << 31;
 
@@ -177,7 +118,7 @@ impl Stream {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(options.threads)
             .build()
-            .map_err(|e| DatasetError::Worker(e.to_string()))?;
+            .map_err(|e| DatasetError::Worker(e.into()))?;
         let (jobs, queue) = channel::<Job>();
         let (send, made) = channel();
         let settings = options.clone();
@@ -193,7 +134,7 @@ impl Stream {
                     }
                 }
             })
-            .map_err(|e| DatasetError::Worker(e.to_string()))?;
+            .map_err(|e| DatasetError::Worker(e.into()))?;
         Ok(Self {
             samples: samples as usize,
             per_window: samples / options.batch as u64,
@@ -263,7 +204,7 @@ impl Stream {
         for (&sample, (stencil, radiance)) in samples.zip(outputs) {
             let block = if sample & LATER == 0 { now } else { later };
             let at = (sample & !LATER) as usize;
-            block.stencils[at * STENCIL_VALUES..][..STENCIL_VALUES].convert_to_f32_slice(stencil);
+            block.stencils.write(at, stencil);
             *radiance = block.radiance[at];
         }
         Ok(())
@@ -328,12 +269,12 @@ impl Stream {
     /// Which samples a window holds, in order.
     fn window_order(&self, window: u64) -> Vec<u32> {
         let half = self.samples / 2;
-        let order = |block| permutation(self.samples, crate::draw::rng(self.options.seed, 2, block));
+        let order = |block| permutation(self.samples, crate::recipe::draw::rng(self.options.seed, 2, block));
         let now = order(window);
         let later = order(window + 1);
         let members: Vec<u32> =
             now[half..].iter().copied().chain(later[..half].iter().map(|&s| s | LATER)).collect();
-        permutation(members.len(), crate::draw::rng(self.options.seed, 3, window))
+        permutation(members.len(), crate::recipe::draw::rng(self.options.seed, 3, window))
             .into_iter()
             .map(|i| members[i as usize])
             .collect()
@@ -349,67 +290,4 @@ impl Drop for Stream {
             let _ = worker.join();
         }
     }
-}
-
-/// Where the samples of a volume come from.
-enum Volumes {
-    /// Made and traced.
-    Fresh(Box<Sampler>),
-    /// Labelled before.
-    Stored(Box<StoredVolumes>),
-}
-
-impl Volumes {
-    fn channels(&self) -> usize {
-        match self {
-            Self::Fresh(sampler) => sampler.channels(),
-            Self::Stored(stored) => stored.sampler().channels(),
-        }
-    }
-
-    /// Stencils and radiance of volume number `i` of the stream.
-    fn samples(
-        &self,
-        i: u64,
-        options: &StreamOptions,
-        control: &Control<'_>,
-    ) -> Result<(Vec<f16>, Vec<f32>), DatasetError> {
-        match self {
-            Self::Fresh(sampler) => {
-                let labels = Labels::Paths(options.spp);
-                let samples = sampler.samples(i as u32, options.points, labels, control)?;
-                Ok((samples.stencils, samples.radiance))
-            }
-            Self::Stored(stored) => {
-                let (turn, i) = (i / stored.len() as u64, (i % stored.len() as u64) as usize);
-                let order = permutation(stored.len(), crate::draw::rng(options.seed, 5, turn));
-                let at = order[i] as usize;
-                Ok((stored.stencils(at, control)?, stored.record(at).radiance.clone()))
-            }
-        }
-    }
-}
-
-fn make_block(
-    source: &Volumes,
-    options: &StreamOptions,
-    block: u64,
-    control: &Control<'_>,
-) -> Result<Block, DatasetError> {
-    let volumes = u64::from(options.window / 2);
-    let per_volume = options.points as usize * source.channels();
-    let mut stencils = vec![f16::ZERO; volumes as usize * per_volume * STENCIL_VALUES];
-    let mut radiance = vec![0.0; volumes as usize * per_volume];
-    stencils
-        .par_chunks_exact_mut(per_volume * STENCIL_VALUES)
-        .zip(radiance.par_chunks_exact_mut(per_volume))
-        .enumerate()
-        .try_for_each(|(i, (stencils, radiance))| {
-            control.check()?;
-            let made = source.samples(block * volumes + i as u64, options, control)?;
-            stencils.copy_from_slice(&made.0);
-            radiance.copy_from_slice(&made.1);
-            Ok::<(), DatasetError>(())
-        })?;
-    Ok(Block { stencils, radiance })
 }

@@ -4,26 +4,20 @@ use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use pellucid_trace::{Boundary, ErrorTarget};
+use pellucid_core::FileError;
+use pellucid_trace::Boundary;
 use pellucid_voxel::Control;
 
-use crate::samples::permutation;
-use crate::set_file::{self, Contents, Record, SetHeader, Shard, unsupported};
-use crate::{DatasetError, Labels, Sampler, Split};
+use super::samples::permutation;
+use super::samples::{Labelling, Sampler};
+use super::set_file::{self, Contents, Record, SetHeader, Shard};
+use crate::DatasetError;
 
 /// The name of a shard's file: `validation.set`, or `validation.2-of-5.set`.
 pub fn file_name(split: &str, shard: Shard) -> String {
     match shard {
         Shard::WHOLE => format!("{split}.set"),
         Shard { index, count } => format!("{split}.{index}-of-{count}.set"),
-    }
-}
-
-/// How the labels of a split are traced.
-pub fn labels_of(split: &Split) -> Labels {
-    match split.std_error {
-        Some(std_error) => Labels::Error(ErrorTarget { std_error, max_spp: split.spp.max(32) }),
-        None => Labels::Paths(split.spp),
     }
 }
 
@@ -40,8 +34,8 @@ pub(crate) fn sampler_of(header: &SetHeader) -> Result<Sampler, DatasetError> {
 /// byte. A finished file of the same header is left as it is. Progress counts volumes.
 ///
 /// # Errors
-/// [`DatasetError::Unsupported`] when a file of that name is another recipe's; [`DatasetError::Io`];
-/// [`DatasetError::Cancelled`]; others as [`Sampler::samples`].
+/// [`DatasetError::Unsupported`] when a file of that name is another recipe's, [`DatasetError::Invalid`] when it is
+/// damaged; [`DatasetError::Io`]; [`DatasetError::Cancelled`]; others as [`Sampler::samples`].
 pub fn generate(folder: &Path, header: &SetHeader, control: &Control<'_>) -> Result<PathBuf, DatasetError> {
     header.check()?;
     let split = header.split()?;
@@ -54,12 +48,12 @@ pub fn generate(folder: &Path, header: &SetHeader, control: &Control<'_>) -> Res
         return Ok(path);
     }
     let partial = folder.join(format!("{}.partial", file_name(&header.split, header.shard)));
-    let io = |e: std::io::Error| DatasetError::Io { path: partial.clone(), reason: e.to_string() };
+    let io = |e: std::io::Error| FileError::at("write", &partial)(e);
     let (mut file, mut done) = open_partial(&partial, header)?;
     let sampler = sampler_of(header)?;
     control.report(done as u64, volumes.len() as u64);
     while let Some(&volume) = volumes.get(done) {
-        let samples = sampler.samples(volume, split.points, labels_of(split), &control.silent())?;
+        let samples = sampler.samples(volume, split.points, Labelling::of(split), &control.silent())?;
         file.write_all(&Record::new(volume, &samples)?.bytes()).map_err(io)?;
         done += 1;
         control.report(done as u64, volumes.len() as u64);
@@ -70,7 +64,7 @@ pub fn generate(folder: &Path, header: &SetHeader, control: &Control<'_>) -> Res
 
 /// Opens the file of a run, new or stopped, at its end, with the number of its records.
 fn open_partial(partial: &Path, header: &SetHeader) -> Result<(File, usize), DatasetError> {
-    let io = |e: std::io::Error| DatasetError::Io { path: partial.to_owned(), reason: e.to_string() };
+    let io = |e: std::io::Error| FileError::at("write", partial)(e);
     let bytes = header.bytes()?;
     let whole_header = std::fs::metadata(partial).is_ok_and(|m| m.len() >= bytes.len() as u64);
     if !whole_header {
@@ -92,7 +86,8 @@ fn check_same(path: &Path, there: &Contents, header: &SetHeader) -> Result<(), D
     if there.header == *header {
         return Ok(());
     }
-    Err(unsupported(path, "recipe", "it is another recipe's or shard's; delete it or choose another folder"))
+    let remedy = "delete it or choose another folder";
+    Err(DatasetError::foreign(path, "recipe", "it is another recipe's or shard's", remedy))
 }
 
 /// Refuses files that lack volumes or hold others than their header says.
@@ -101,7 +96,8 @@ pub(crate) fn check_complete(path: &Path, there: &Contents) -> Result<(), Datase
     if !there.broken && there.records.iter().map(|r| r.volume).eq(expected) {
         return Ok(());
     }
-    Err(unsupported(path, "records", "it is damaged or cut off; delete it and generate it again"))
+    let remedy = "delete it and generate it again";
+    Err(DatasetError::damaged(path, "records", "the file is damaged or cut off", remedy))
 }
 
 /// What a file holds, for people to read.
@@ -122,7 +118,7 @@ pub struct SetInfo {
 /// Summarises a finished file.
 ///
 /// # Errors
-/// [`DatasetError::Io`], or [`DatasetError::Unsupported`] naming what is wrong with the file.
+/// [`DatasetError::Io`], or [`DatasetError::Invalid`] naming what is wrong with the file.
 pub fn info(path: &Path) -> Result<SetInfo, DatasetError> {
     let there = set_file::read(path)?;
     check_complete(path, &there)?;
@@ -148,17 +144,19 @@ pub fn verify(path: &Path, volumes: u32, seed: u64, control: &Control<'_>) -> Re
     check_complete(path, &there)?;
     let sampler = sampler_of(&there.header)?;
     let split = there.header.split()?;
-    let order = permutation(there.records.len(), crate::draw::rng(seed, 4, 0));
+    let order = permutation(there.records.len(), crate::recipe::draw::rng(seed, 4, 0));
     let chosen = &order[..order.len().min(volumes as usize)];
     for (i, &at) in chosen.iter().enumerate() {
         control.report(i as u64, chosen.len() as u64);
         let record = &there.records[at as usize];
-        let samples = sampler.samples(record.volume, split.points, labels_of(split), &control.silent())?;
+        let samples =
+            sampler.samples(record.volume, split.points, Labelling::of(split), &control.silent())?;
         if Record::new(record.volume, &samples)?.bytes() != record.bytes() {
-            return Err(unsupported(
+            return Err(DatasetError::foreign(
                 path,
                 &format!("volume {}", record.volume),
-                "it differs from what this version makes of the recipe; generate the set again",
+                "it differs from what this version makes of the recipe",
+                "generate the set again",
             ));
         }
     }

@@ -1,0 +1,61 @@
+//! What a stream consists of.
+
+use pellucid_trace::Boundary;
+
+use crate::DatasetError;
+
+/// What a stream consists of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamOptions {
+    /// Samples a batch.
+    pub batch: usize,
+    /// Volumes whose samples are shuffled together, even.
+    pub window: u32,
+    /// Surface points drawn from each volume; each is a sample in every channel.
+    pub points: u32,
+    /// Paths a point and channel of the labels.
+    pub spp: u32,
+    /// The object's surface.
+    pub boundary: Boundary,
+    /// Seed of the shuffle; volumes and labels follow from the recipe's.
+    pub seed: u64,
+    /// Threads that make samples in the background.
+    pub threads: usize,
+}
+
+impl Default for StreamOptions {
+    /// Batches of 256 from windows of 48 volumes with 1024 points, 64 paths a label, one thread: 1.1 GB.
+    fn default() -> Self {
+        Self {
+            batch: 256,
+            window: 48,
+            points: 1024,
+            spp: 64,
+            boundary: Boundary::default(),
+            seed: 0,
+            threads: 1,
+        }
+    }
+}
+
+impl StreamOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`DatasetError::Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), DatasetError> {
+        let positive = [
+            ("batch", self.batch as u64),
+            ("points", u64::from(self.points)),
+            ("spp", u64::from(self.spp)),
+            ("threads", self.threads as u64),
+        ];
+        if let Some((field, _)) = positive.iter().find(|(_, n)| *n == 0) {
+            return Err(DatasetError::invalid(*field, "must be at least 1"));
+        }
+        if self.window < 2 || !self.window.is_multiple_of(2) {
+            return Err(DatasetError::invalid("window", format!("{}; it must be even", self.window)));
+        }
+        Ok(())
+    }
+}
