@@ -36,6 +36,7 @@ pub use adjoint::{Region, scatter};
 pub use changed::ChangedTiles;
 pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;
-pub use extract::{Stencils, near_order};
+pub use extract::Stencils;
 pub use octants::OCTANTS;
+pub use pellucid_voxel::near_order;
 pub use spec::{LevelScale, StencilSpec};
