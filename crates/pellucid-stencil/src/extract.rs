@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicU64;
 
 use pellucid_core::InstructionSet;
 use pellucid_voxel::sat::tables::LANES;
-use pellucid_voxel::{Control, CountSat, LabelGrid, TILE};
+use pellucid_voxel::{Control, CountSat, LabelGrid, TILE, near_key};
 use rayon::prelude::*;
 
 use crate::changed::ChangedTiles;
@@ -236,31 +236,4 @@ impl<'a> Stencils<'a> {
             Ok(())
         })
     }
-}
-
-/// An order of `points` in which neighbours in space come close together, as positions in `points`.
-///
-/// A caller who extracts in several calls makes each of them cheaper by taking points in this
-/// order; within one call the order does not matter.
-///
-/// ```
-/// let points = [[40, 0, 0], [0, 0, 0], [1, 2, 3]];
-/// assert_eq!(pellucid_stencil::near_order(&points), [1, 2, 0]);
-/// ```
-pub fn near_order(points: &[[u32; 3]]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    order.par_sort_by_cached_key(|&i| near_key(points[i as usize]));
-    order
-}
-
-/// Sorts points by tile along the curve, then by layer and row.
-fn near_key(p: [u32; 3]) -> (u64, [u32; 3]) {
-    (along_curve(p.map(|c| c / TILE as u32)), [p[2], p[1], p[0]])
-}
-
-/// A position along a space-filling curve (Morton's), so that neighbours come close together.
-fn along_curve(tile: [u32; 3]) -> u64 {
-    // Three times 21 bits fit a word; a grid has fewer tiles an axis.
-    let spread = |v: u32| (0..21).fold(0u64, |s, bit| s | u64::from(v >> bit & 1) << (3 * bit));
-    spread(tile[0]) | spread(tile[1]) << 1 | spread(tile[2]) << 2
 }

@@ -7,6 +7,7 @@
 //! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel; dense arrays and bytes from and to it |
 //! | [`surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
+//! | [`near_order`] | an order of voxels that keeps neighbours together |
 //! | [`sat`] | exact summed-area tables over material counts: [`CountSat`] |
 //! | [`thickness`] | how thick the solid is at each surface voxel |
 //!
@@ -27,6 +28,7 @@ mod nearest_block;
 mod normal_window;
 mod normals;
 mod occupancy;
+mod order;
 pub mod pitch;
 pub mod sat;
 pub mod surface;
@@ -38,6 +40,7 @@ pub use error::VoxelError;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
 pub use nearest::NearestSurface;
+pub use order::{near_key, near_order};
 pub use pellucid_core::{Cancelled, Control, Progress};
 pub use pitch::{Frame, Pitch};
 pub use sat::{CountSat, SatMemory};

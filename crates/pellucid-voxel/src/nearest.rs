@@ -37,7 +37,7 @@ pub struct NearestSurface {
     frame: Frame,
     tile_dims: [u32; 3],
     depth_mm: f64,
-    surface: Arc<[[u32; 3]]>,
+    surface: Arc<Vec<[u32; 3]>>,
     slots: Vec<u32>,
     tiles: Vec<Box<[u32; TILE_VOXELS]>>,
 }

@@ -356,8 +356,12 @@ mod tests {
                 grid.set([29 - i, i, 5], 0);
             }
             for normal_radius_mm in [1e-9, 0.05, 0.25, 1e9] {
-                let s =
-                    Surface::extract(&grid, &SurfaceOptions { normal_radius_mm }, &Control::none()).unwrap();
+                let s = Surface::extract(
+                    &grid,
+                    &SurfaceOptions { normal_radius_mm, ..SurfaceOptions::default() },
+                    &Control::none(),
+                )
+                .unwrap();
                 for n in s.normals() {
                     assert!((dot(n.map(f64::from), n.map(f64::from)) - 1.0).abs() < 1e-5, "{n:?}");
                 }

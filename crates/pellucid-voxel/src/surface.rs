@@ -9,21 +9,29 @@ use crate::grid::tile_coords;
 use crate::normals::NormalEstimator;
 use crate::occupancy::{ROWS, surface_rows};
 use crate::surface_index::SurfaceIndex;
-use crate::{Control, Frame, LabelGrid, TILE, VoxelError};
+use crate::{Cancelled, Control, Frame, LabelGrid, TILE, VoxelError};
 
 /// How a surface's normals are estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct SurfaceOptions {
     /// Radius of the ball about a surface voxel from which its normal is estimated, in mm.
     /// A larger radius is smoother, a smaller one follows finer relief. Raised to 1.75 times the
     /// longest voxel edge and lowered to 24 times the shortest where it lies outside these.
     pub normal_radius_mm: f64,
+    /// Most bytes that the surface may take: see [`Surface::memory_needed`].
+    pub max_bytes: u64,
+}
+
+impl SurfaceOptions {
+    /// What [`SurfaceOptions::max_bytes`] is by default: 3 GiB, about 95 million surface voxels. At the J750's pitch
+    /// that is a closed cube of 170 mm.
+    pub const MAX_BYTES: u64 = 3 << 30;
 }
 
 impl Default for SurfaceOptions {
     fn default() -> Self {
-        Self { normal_radius_mm: 0.25 }
+        Self { normal_radius_mm: 0.25, max_bytes: Self::MAX_BYTES }
     }
 }
 
@@ -32,6 +40,9 @@ impl Default for SurfaceOptions {
 ///
 /// It depends on which voxels are solid and not on their materials, so it stays valid while the
 /// materials of solid voxels change.
+///
+/// It takes 24 bytes a surface voxel, 2 KiB a tile that holds any (about 8 bytes a voxel of a level wall) and 4 bytes
+/// a tile of the grid; extraction takes a few MiB a thread beside it.
 ///
 /// ```
 /// use pellucid_voxel::{Control, Frame, LabelGrid, Pitch, Surface, SurfaceOptions, Tile};
@@ -47,7 +58,7 @@ impl Default for SurfaceOptions {
 #[derive(Clone, Debug)]
 pub struct Surface {
     frame: Frame,
-    voxels: Arc<[[u32; 3]]>,
+    voxels: Arc<Vec<[u32; 3]>>,
     normals: Vec<[f32; 3]>,
     index: SurfaceIndex,
 }
@@ -60,54 +71,51 @@ impl Surface {
     /// parts. It never is NaN and always has unit length. Progress counts tiles.
     ///
     /// # Errors
-    /// [`VoxelError::Invalid`] when the radius is not finite and positive,
-    /// [`VoxelError::Unsupported`] past 2^32 - 2 surface voxels, [`VoxelError::Cancelled`].
+    /// [`VoxelError::Invalid`] when the radius is not finite and positive, [`VoxelError::Unsupported`] when the
+    /// surface would take more than [`SurfaceOptions::max_bytes`] or has more than 2^32 - 2 voxels, before it is
+    /// allocated; [`VoxelError::Cancelled`].
     pub fn extract(
         grid: &LabelGrid,
         options: &SurfaceOptions,
         control: &Control,
     ) -> Result<Surface, VoxelError> {
-        SurfaceIndex::check_size(grid.tile_dims())?;
-        let estimator = NormalEstimator::new(grid, options.normal_radius_mm)?;
         let dims = grid.tile_dims();
-        let masks = (0..grid.tiles().len())
-            .into_par_iter()
-            .filter_map(|i| match control.check() {
-                Ok(()) => surface_rows(grid, tile_coords(dims, i)).map(|rows| Ok((i as u32, rows))),
-                Err(cancelled) => Some(Err(cancelled)),
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let index = SurfaceIndex::new(dims, &masks)?;
-        let total = masks.len() as u64;
-        drop(masks);
+        SurfaceIndex::check_size(dims)?;
+        let estimator = NormalEstimator::new(grid, options.normal_radius_mm)?;
+        let count = SurfaceCount::of(grid, control)?;
+        count.check(dims, options.max_bytes)?;
+        let mut index = SurfaceIndex::with_capacity(dims, count.tiles as usize)?;
+        let per_slab = dims[0] as usize * dims[1] as usize;
+        for tz in 0..dims[2] as usize {
+            let masks = (tz * per_slab..(tz + 1) * per_slab)
+                .into_par_iter()
+                .filter_map(|i| match control.check() {
+                    Ok(()) => surface_rows(grid, tile_coords(dims, i)).map(|rows| Ok((i as u32, rows))),
+                    Err(cancelled) => Some(Err(cancelled)),
+                })
+                .collect::<Result<Vec<_>, _>>()?;
+            index.push_slab(&masks)?;
+        }
+        let (voxels, normals) = estimate(&estimator, &index, dims, count.tiles, control)?;
+        Ok(Self { frame: *grid.frame(), voxels: Arc::new(voxels), normals, index })
+    }
 
-        let mut voxels = vec![[0; 3]; index.len()];
-        let mut normals = vec![[0.0; 3]; index.len()];
-        let done = AtomicU64::new(0);
-        split_slabs(&index, dims[2], &mut voxels, &mut normals).into_par_iter().try_for_each(
-            |(tz, voxels, normals)| {
-                let first = index.slab(tz).start;
-                let tiles = index.slab_tiles(tz);
-                let estimated = tiles
-                    .par_iter()
-                    .map(|&i| {
-                        control.check()?;
-                        let points = tile_voxels(&index, i, tile_coords(dims, i));
-                        let normals = estimator.tile(tile_coords(dims, i), &points);
-                        control.advance(&done, 1, total);
-                        Ok((points, normals))
-                    })
-                    .collect::<Result<Vec<_>, VoxelError>>()?;
-                for (points, tile_normals) in estimated {
-                    for ((position, voxel), normal) in points.into_iter().zip(tile_normals) {
-                        voxels[position as usize - first] = voxel;
-                        normals[position as usize - first] = normal;
-                    }
-                }
-                Ok::<(), VoxelError>(())
-            },
-        )?;
-        Ok(Self { frame: *grid.frame(), voxels: voxels.into(), normals, index })
+    /// Bytes that the surface of a grid will take, by counting its surface voxels: what [`Surface::memory_bytes`] of
+    /// the extracted one tells. Takes a small part of the time of extraction and no memory.
+    ///
+    /// ```
+    /// use pellucid_voxel::{Control, Frame, LabelGrid, Pitch, Surface, SurfaceOptions};
+    /// let frame = Frame::new([0.0; 3], Pitch::j750(), [100, 100, 100])?;
+    /// let grid = LabelGrid::from_fn(frame, |_| 5);
+    /// let needed = Surface::memory_needed(&grid);
+    /// assert!(needed > 24 * (100 * 100 * 100 - 98 * 98 * 98));
+    /// let tight = SurfaceOptions { max_bytes: needed - 1, ..SurfaceOptions::default() };
+    /// assert!(Surface::extract(&grid, &tight, &Control::none()).is_err());
+    /// # Ok::<(), pellucid_voxel::VoxelError>(())
+    /// ```
+    pub fn memory_needed(grid: &LabelGrid) -> u64 {
+        // Without a flag nothing cancels the count.
+        SurfaceCount::of(grid, &Control::none()).unwrap_or_default().bytes(grid.tile_dims())
     }
 
     /// A surface from voxels and normals that were stored or made elsewhere.
@@ -156,7 +164,7 @@ impl Surface {
         let dims = size.map(|s| s.div_ceil(TILE as u32));
         SurfaceIndex::check_size(dims)?;
         let index = SurfaceIndex::new(dims, &rows_of(dims, &voxels))?;
-        Ok(Self { frame, voxels: voxels.into(), normals, index })
+        Ok(Self { frame, voxels: Arc::new(voxels), normals, index })
     }
 
     /// Where the grid lies.
@@ -208,9 +216,101 @@ impl Surface {
         &self.index
     }
 
-    pub(crate) fn shared_voxels(&self) -> Arc<[[u32; 3]]> {
+    pub(crate) fn shared_voxels(&self) -> Arc<Vec<[u32; 3]>> {
         Arc::clone(&self.voxels)
     }
+}
+
+/// How much surface a grid has.
+#[derive(Clone, Copy, Default)]
+struct SurfaceCount {
+    /// Surface voxels.
+    voxels: u64,
+    /// Tiles that hold any.
+    tiles: u64,
+}
+
+impl SurfaceCount {
+    fn of(grid: &LabelGrid, control: &Control) -> Result<Self, Cancelled> {
+        (0..grid.tiles().len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map(|i| {
+                control.check()?;
+                let rows = surface_rows(grid, tile_coords(grid.tile_dims(), i));
+                Ok(rows.map_or_else(Self::default, |rows| Self {
+                    voxels: rows.iter().map(|row| u64::from(row.count_ones())).sum(),
+                    tiles: 1,
+                }))
+            })
+            .try_reduce(Self::default, |a, b| {
+                Ok(Self { voxels: a.voxels + b.voxels, tiles: a.tiles + b.tiles })
+            })
+    }
+
+    fn bytes(self, tile_dims: [u32; 3]) -> u64 {
+        let a_voxel = size_of::<[u32; 3]>() + size_of::<[f32; 3]>();
+        self.voxels * a_voxel as u64 + SurfaceIndex::memory_of(tile_dims, self.tiles)
+    }
+
+    fn check(self, tile_dims: [u32; 3], max_bytes: u64) -> Result<(), VoxelError> {
+        let needed = self.bytes(tile_dims);
+        if needed <= max_bytes {
+            return Ok(());
+        }
+        let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+        Err(VoxelError::unsupported(
+            "surface",
+            format!(
+                "{:.1} million surface voxels take {:.2} GiB of memory and {:.2} are allowed; print smaller, in parts \
+                 or with a coarser pitch, or allow more (max_bytes)",
+                self.voxels as f64 / 1e6,
+                gib(needed),
+                gib(max_bytes),
+            ),
+        ))
+    }
+}
+
+/// Tiles of a layer that are estimated before their results are put in place.
+const TILES_AT_ONCE: usize = 256;
+
+/// Lists the surface voxels and estimates their normals.
+fn estimate(
+    estimator: &NormalEstimator<'_>,
+    index: &SurfaceIndex,
+    dims: [u32; 3],
+    total: u64,
+    control: &Control,
+) -> Result<(Vec<[u32; 3]>, Vec<[f32; 3]>), VoxelError> {
+    let mut voxels = vec![[0; 3]; index.len()];
+    let mut normals = vec![[0.0; 3]; index.len()];
+    let done = AtomicU64::new(0);
+    split_slabs(index, dims[2], &mut voxels, &mut normals).into_par_iter().try_for_each(
+        |(tz, voxels, normals)| {
+            let first = index.slab(tz).start;
+            for tiles in index.slab_tiles(tz).chunks(TILES_AT_ONCE) {
+                let estimated = tiles
+                    .par_iter()
+                    .map(|&i| {
+                        control.check()?;
+                        let points = tile_voxels(index, i, tile_coords(dims, i));
+                        let normals = estimator.tile(tile_coords(dims, i), &points);
+                        control.advance(&done, 1, total);
+                        Ok((points, normals))
+                    })
+                    .collect::<Result<Vec<_>, VoxelError>>()?;
+                for (points, tile_normals) in estimated {
+                    for ((position, voxel), normal) in points.into_iter().zip(tile_normals) {
+                        voxels[position as usize - first] = voxel;
+                        normals[position as usize - first] = normal;
+                    }
+                }
+            }
+            Ok::<(), VoxelError>(())
+        },
+    )?;
+    Ok((voxels, normals))
 }
 
 type Slab<'a> = (usize, &'a mut [[u32; 3]], &'a mut [[f32; 3]]);
@@ -303,6 +403,7 @@ mod tests {
     fn check(grid: &LabelGrid) -> Result<(), TestCaseError> {
         let surface = extract(grid);
         prop_assert_eq!(surface.voxels(), &brute_force(grid)[..]);
+        prop_assert_eq!(Surface::memory_needed(grid), surface.memory_bytes() as u64);
         for n in surface.normals() {
             let length: f32 = n.iter().map(|c| c * c).sum();
             prop_assert!((length - 1.0).abs() < 1e-5, "{n:?}");
@@ -383,6 +484,24 @@ mod tests {
     }
 
     #[test]
+    fn more_than_the_allowed_memory_is_refused_with_what_it_would_take() {
+        // A plate of 1000 x 1000 x 2 voxels is all surface: 45.8 MiB of voxels and normals, 7.8 of index.
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [1000, 1000, 2]).unwrap();
+        let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(1));
+        let needed = Surface::memory_needed(&grid);
+        let options = SurfaceOptions { max_bytes: needed - 1, ..SurfaceOptions::default() };
+        let error = Surface::extract(&grid, &options, &Control::none()).unwrap_err();
+        assert!(matches!(error, VoxelError::Unsupported(_)));
+        let text = error.to_string();
+        assert!(
+            text.contains("2.0 million") && text.contains("0.05 GiB") && text.contains("max_bytes"),
+            "{text}"
+        );
+        let enough = SurfaceOptions { max_bytes: needed, ..SurfaceOptions::default() };
+        assert_eq!(Surface::extract(&grid, &enough, &Control::none()).unwrap().len(), 2_000_000);
+    }
+
+    #[test]
     fn stops_when_cancelled_and_refuses_a_bad_radius() {
         let frame = Frame::new([0.0; 3], Pitch::j750(), [20, 20, 20]).unwrap();
         let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(1));
@@ -390,7 +509,8 @@ mod tests {
         let result = Surface::extract(&grid, &SurfaceOptions::default(), &Control::none().with_cancel(&stop));
         assert_eq!(result.err(), Some(VoxelError::Cancelled));
         for normal_radius_mm in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(Surface::extract(&grid, &SurfaceOptions { normal_radius_mm }, &Control::none()).is_err());
+            let options = SurfaceOptions { normal_radius_mm, ..SurfaceOptions::default() };
+            assert!(Surface::extract(&grid, &options, &Control::none()).is_err());
         }
     }
 }

@@ -5,6 +5,8 @@ use crate::{TILE, VoxelError};
 
 /// Marks a tile without surface voxels.
 const NO_SLOT: u32 = u32::MAX;
+/// Most surface voxels: positions are 32 bits and the last one is no position.
+const MAX_VOXELS: u64 = u32::MAX as u64 - 1;
 /// Most tiles of a grid. A frame of the most voxels has half of these unless it is all edges.
 const MAX_TILES: u64 = 1 << 29;
 
@@ -36,45 +38,53 @@ impl SurfaceIndex {
 
     /// Builds the index from the surface rows of each tile that has any, ascending by tile index.
     pub(crate) fn new(tile_dims: [u32; 3], tiles: &[(u32, [u16; ROWS])]) -> Result<Self, VoxelError> {
-        let tile_count = Self::check_size(tile_dims)?;
-        let mut slots = vec![NO_SLOT; tile_count];
-        let mut rows = vec![0u64; tiles.len() * ROWS];
-        for (slot, (tile, _)) in tiles.iter().enumerate() {
-            slots[*tile as usize] = slot as u32;
-        }
-        let dx = tile_dims[0];
-        let per_slab = dx * tile_dims[1];
-        let mut next = 0u64;
-        let mut slabs = Vec::with_capacity(tile_dims[2] as usize + 1);
-        let mut first = 0;
+        let mut index = Self::with_capacity(tile_dims, tiles.len())?;
+        let per_slab = tile_dims[0] * tile_dims[1];
+        let mut rest = tiles;
         for tz in 0..tile_dims[2] {
-            slabs.push(next as u32);
-            let count = tiles[first..].iter().take_while(|(tile, _)| tile / per_slab == tz).count();
-            let slab = &tiles[first..first + count];
-            for z in 0..TILE {
-                let mut start = first;
-                for line in slab.chunk_by(|a, b| a.0 / dx == b.0 / dx) {
-                    for y in 0..TILE {
-                        for (i, (_, masks)) in line.iter().enumerate() {
-                            let mask = masks[z * TILE + y];
-                            rows[(start + i) * ROWS + z * TILE + y] =
-                                next & u64::from(u32::MAX) | u64::from(mask) << 32;
-                            next += u64::from(mask.count_ones());
-                        }
+            let (slab, next) = rest.split_at(rest.partition_point(|(tile, _)| tile / per_slab == tz));
+            index.push_slab(slab)?;
+            rest = next;
+        }
+        Ok(index)
+    }
+
+    /// An index without layers of tiles yet, with room for `tiles` tiles that have surface voxels.
+    pub(crate) fn with_capacity(tile_dims: [u32; 3], tiles: usize) -> Result<Self, VoxelError> {
+        let slots = vec![NO_SLOT; Self::check_size(tile_dims)?];
+        let mut slabs = Vec::with_capacity(tile_dims[2] as usize + 1);
+        slabs.push(0);
+        Ok(Self { tile_dims, slots, rows: Vec::with_capacity(tiles * ROWS), slabs })
+    }
+
+    /// Adds the next layer of tiles: the surface rows of each of its tiles that has any, ascending by tile index.
+    pub(crate) fn push_slab(&mut self, tiles: &[(u32, [u16; ROWS])]) -> Result<(), VoxelError> {
+        let first = self.rows.len() / ROWS;
+        for (slot, (tile, _)) in (first..).zip(tiles) {
+            self.slots[*tile as usize] = slot as u32;
+        }
+        self.rows.resize(self.rows.len() + tiles.len() * ROWS, 0);
+        let dx = self.tile_dims[0];
+        let mut next = self.len() as u64;
+        for z in 0..TILE {
+            let mut start = first;
+            for line in tiles.chunk_by(|a, b| a.0 / dx == b.0 / dx) {
+                for y in 0..TILE {
+                    for (i, (_, masks)) in line.iter().enumerate() {
+                        let mask = masks[z * TILE + y];
+                        self.rows[(start + i) * ROWS + z * TILE + y] =
+                            next & u64::from(u32::MAX) | u64::from(mask) << 32;
+                        next += u64::from(mask.count_ones());
                     }
-                    start += line.len();
                 }
-            }
-            first += count;
-            if next >= u64::from(u32::MAX) {
-                return Err(VoxelError::unsupported(
-                    "surface",
-                    "more than 4294967294 surface voxels; use a coarser pitch or a smaller object",
-                ));
+                start += line.len();
             }
         }
-        slabs.push(next as u32);
-        Ok(Self { tile_dims, slots, rows, slabs })
+        if next > MAX_VOXELS {
+            return Err(too_many(next));
+        }
+        self.slabs.push(next as u32);
+        Ok(())
     }
 
     /// Number of surface voxels.
@@ -140,6 +150,24 @@ impl SurfaceIndex {
 
     /// Bytes held.
     pub(crate) fn memory_bytes(&self) -> usize {
-        self.slots.len() * 4 + self.rows.len() * 8 + self.slabs.len() * 4
+        self.slots.len() * size_of::<u32>()
+            + self.rows.len() * size_of::<u64>()
+            + self.slabs.len() * size_of::<u32>()
     }
+
+    /// What [`SurfaceIndex::memory_bytes`] will be of a grid with so many tiles with surface voxels.
+    pub(crate) fn memory_of(tile_dims: [u32; 3], tiles: u64) -> u64 {
+        let all: u64 = tile_dims.iter().map(|&d| u64::from(d)).product();
+        let words = all + u64::from(tile_dims[2]) + 1;
+        words * size_of::<u32>() as u64 + tiles * (ROWS * size_of::<u64>()) as u64
+    }
+}
+
+fn too_many(voxels: u64) -> VoxelError {
+    VoxelError::unsupported(
+        "surface",
+        format!(
+            "{voxels} surface voxels or more; at most {MAX_VOXELS}: use a coarser pitch or a smaller object"
+        ),
+    )
 }
