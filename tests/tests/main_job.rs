@@ -158,6 +158,9 @@ fn bad_settings_are_named() {
     let mut s = settings(5.0);
     s.refine.coloured_depth_mm = -1.0;
     assert!(PrintJob::new(s).err().unwrap().to_string().contains("coloured_depth_mm"));
+    let mut s = settings(5.0);
+    s.target = s.target.with_max_materials(3).unwrap();
+    assert!(PrintJob::new(s).err().unwrap().to_string().contains("takes 3"));
     let too_tall =
         PrintJob::new(settings(300.0)).unwrap().prepare(&patched_ball(), &Silent, &AtomicBool::new(false));
     assert!(too_tall.is_err());

@@ -118,9 +118,12 @@ impl PrintJob {
     ///
     /// # Errors
     /// [`PrintError::Voxel`] naming the setting that is out of range, [`PrintError::Refine`] and
-    /// [`PrintError::Trace`] likewise.
+    /// [`PrintError::Trace`] likewise; [`PrintError::Slice`] when the printer cannot hold the materials.
     pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
         let white = settings.check()?;
+        // The halftone may use every material of the table.
+        let labels = (1..=u8::MAX).take(settings.materials.len());
+        pellucid_slice::check_materials(&settings.target, &settings.materials, labels)?;
         settings.refine.seed = settings.seed;
         settings.refine.check()?;
         Ok(Self { settings, white })
@@ -131,8 +134,8 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Slice`] when the folder exists and may not be replaced.
     pub fn check_output(&self, dir: &Path, force: bool) -> Result<(), PrintError> {
-        drop(pellucid_slice::StagedDir::begin(dir, force)?);
-        Ok(())
+        let checked = pellucid_core::staging::check(dir, force, &crate::output::output_files());
+        Ok(checked.map_err(pellucid_slice::SliceError::from)?)
     }
 
     /// Does the whole job in memory.
@@ -157,7 +160,7 @@ impl PrintJob {
         };
         let voxelised = clock.run(Stage::Voxelise, |c| voxelise(model, &options, c))?;
         let (solid, placement, mesh) = (voxelised.grid, voxelised.placement, voxelised.report);
-        // A print that its target cannot hold should be refused now, not after the refinement.
+        // A print larger than its target should be refused now, not after the refinement.
         pellucid_slice::check(&solid, &s.materials, &s.target, &Default::default())?;
         mesh_warnings(&mesh, &clock);
 

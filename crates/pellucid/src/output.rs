@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use pellucid_slice::{ExportSettings, StagedDir, write_stack};
-use serde_json::{Map, Value, json};
+use pellucid_core::staging::{OwnFiles, StagedDir};
+use pellucid_slice::{ExportSettings, Recorded, SliceError, own_files, write_stack};
+use serde_json::{Value, json};
 
 use crate::PrintError;
 use crate::clock::Clock;
@@ -15,6 +16,11 @@ use crate::stage::{Observer, Stage};
 
 /// The proof's columns, as EXR layers call them.
 const COLUMNS: [&str; 3] = ["target", "unrefined", "refined"];
+
+/// All files of an output folder.
+pub(crate) fn output_files() -> OwnFiles {
+    own_files().and(["report.json", "proof.png", "proof.exr"])
+}
 
 impl Prepared {
     /// Writes `slices/`, `manifest.json`, `report.json`, `proof.png` and `proof.exr` into the folder `dir`,
@@ -30,13 +36,13 @@ impl Prepared {
         observer: &dyn Observer,
         cancel: &AtomicBool,
     ) -> Result<Report, PrintError> {
-        let staged = StagedDir::begin(dir, force)?;
+        let staged = StagedDir::begin(dir, force, &output_files()).map_err(SliceError::from)?;
         let mut clock = Clock::new(observer, cancel);
         let settings = ExportSettings {
             force,
             seed: self.settings.seed,
             generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
-            settings: self.recorded_settings(),
+            settings: Recorded::of(&self.recorded_settings())?,
         };
         clock.run(Stage::Slices, |c| {
             write_stack(
@@ -58,7 +64,7 @@ impl Prepared {
         let mut text = serde_json::to_string_pretty(&report).map_err(|e| PrintError::io(&path, e))?;
         text.push('\n');
         std::fs::write(&path, text).map_err(|e| PrintError::io(&path, e))?;
-        staged.commit()?;
+        staged.commit().map_err(SliceError::from)?;
         Ok(report)
     }
 
@@ -76,9 +82,9 @@ impl Prepared {
     }
 
     /// What decided the labels, for the manifest.
-    fn recorded_settings(&self) -> Map<String, Value> {
+    fn recorded_settings(&self) -> Value {
         let s = &self.settings;
-        let fields = json!({
+        json!({
             "model": self.report.model,
             "height_mm": self.report.extent_mm[2],
             "predictor": s.predictor.name(),
@@ -86,10 +92,6 @@ impl Prepared {
             "refractive_index": s.boundary.index(),
             "absolute": s.absolute,
             "refine": s.refine,
-        });
-        match fields {
-            Value::Object(map) => map,
-            _ => Map::new(),
-        }
+        })
     }
 }
