@@ -73,6 +73,28 @@ pub fn write_whole_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), Fil
     write_whole(path, |out| out.write_all(bytes))
 }
 
+/// Whether a file's name matches a pattern, in which `*` stands for any run of characters. Capitals matter.
+///
+/// ```
+/// use pellucid_core::files::name_matches;
+/// assert!(name_matches("slice_*.png", "slice_0017.png"));
+/// ```
+pub fn name_matches(pattern: &str, name: &str) -> bool {
+    let Some((head, rest)) = pattern.split_once('*') else { return pattern == name };
+    let Some(mut name) = name.strip_prefix(head) else { return false };
+    let Some((middle, tail)) = rest.rsplit_once('*') else {
+        return name.ends_with(rest);
+    };
+    // The leftmost place of each piece leaves most for the next.
+    for piece in middle.split('*') {
+        match name.find(piece) {
+            Some(at) => name = &name[at + piece.len()..],
+            None => return false,
+        }
+    }
+    name.ends_with(tail)
+}
+
 fn write_synced(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(file);
     write(&mut out)?;
@@ -132,5 +154,26 @@ mod tests {
         }
         fs::write(&path, [0xff, 0xfe]).unwrap();
         assert_eq!(read_text_bounded(&path, 9).unwrap_err().source.kind(), io::ErrorKind::InvalidData);
+    }
+
+    #[test]
+    fn stars_stand_for_any_run_of_characters() {
+        for (pattern, name, right) in [
+            ("a.json", "a.json", true),
+            ("a.json", "A.json", false),
+            ("slice_*.png", "slice_00001.png", true),
+            ("slice_*.png", "slice_.png", true),
+            ("slice_*.png", "slice_1.png.txt", false),
+            ("slice_*g", "slice_", false),
+            ("proof.*", "proof.exr", true),
+            ("proof.*", "proof", false),
+            ("*", "anything", true),
+            ("a*b*c", "a1b2b3c", true),
+            ("a*b*c", "a1c", false),
+            ("a*a", "a", false),
+            ("**", "x", true),
+        ] {
+            assert_eq!(name_matches(pattern, name), right, "{pattern} {name}");
+        }
     }
 }

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use pellucid_core::{Control, FileError};
 use png::{BitDepth, ColorType, DeflateCompression, EncodingError, Filter, PixelDimensions, Unit};
 
 use crate::{RowOrder, SliceError};
@@ -23,17 +24,21 @@ impl LayerFormat {
     ///
     /// The bytes depend on the arguments only. Rows are not filtered: labels of a halftone do not
     /// predict each other, and repeated four-byte pixels are what deflate finds by itself.
-    pub fn write(&self, labels: &[u8], path: &Path) -> Result<(), SliceError> {
-        let file = File::create(path).map_err(SliceError::io("create", path))?;
+    ///
+    /// # Errors
+    /// [`SliceError::Io`], and [`SliceError::Cancelled`] within a row.
+    pub fn write(&self, labels: &[u8], path: &Path, control: &Control<'_>) -> Result<(), SliceError> {
+        let file = File::create(path).map_err(FileError::at("create", path))?;
         let mut file = BufWriter::with_capacity(1 << 16, file);
-        self.encode(labels, &mut file).map_err(|e| match e {
-            EncodingError::IoError(source) => SliceError::io("write", path)(source),
+        self.encode(labels, &mut file, control).map_err(|error| match error {
+            _ if control.cancelled() => SliceError::Cancelled,
+            EncodingError::IoError(source) => FileError::at("write", path)(source).into(),
             other => SliceError::file(path, other.to_string()),
         })?;
-        file.flush().map_err(SliceError::io("write", path))
+        file.flush().map_err(|e| FileError::at("write", path)(e).into())
     }
 
-    fn encode(&self, labels: &[u8], out: impl Write) -> Result<(), EncodingError> {
+    fn encode(&self, labels: &[u8], out: impl Write, control: &Control<'_>) -> Result<(), EncodingError> {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(ColorType::Rgba);
         encoder.set_depth(BitDepth::Eight);
@@ -50,6 +55,7 @@ impl LayerFormat {
         let width = self.width as usize;
         let mut pixels = vec![0u8; width * 4];
         for row in 0..self.height {
+            control.check().map_err(std::io::Error::other)?;
             let y = self.rows.y_of_row(row, self.height) as usize;
             let line = &labels[y * width..(y + 1) * width];
             for (pixel, &label) in pixels.chunks_exact_mut(4).zip(line) {

@@ -1,7 +1,8 @@
 //! The crate's error type.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use pellucid_core::staging::StagingError;
 use pellucid_core::{Cancelled, Fault, FileError};
 use pellucid_voxel::VoxelError;
 
@@ -15,14 +16,9 @@ pub enum SliceError {
     /// The request is well formed but beyond what this crate handles.
     #[error("unsupported {0}")]
     Unsupported(Fault),
-    /// The output folder exists and may not be replaced.
-    #[error("{} already exists: {reason}", dir.display())]
-    Exists {
-        /// The folder.
-        dir: PathBuf,
-        /// Why it was left alone, and what to do.
-        reason: String,
-    },
+    /// The output folder may not be replaced.
+    #[error(transparent)]
+    Output(StagingError),
     /// A file could not be read or written.
     #[error(transparent)]
     Io(#[from] FileError),
@@ -42,20 +38,38 @@ impl SliceError {
         Self::Unsupported(Fault::new(subject, reason))
     }
 
-    /// Wraps a system error with what was being done to which path.
-    pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| FileError::at(action, path)(source).into()
-    }
-
     /// A file whose contents are wrong.
     pub(crate) fn file(path: &Path, reason: impl Into<String>) -> Self {
         Self::invalid(path.display().to_string(), reason)
+    }
+
+    /// The same of a file's contents, with its name first.
+    pub(crate) fn in_file(self, path: &Path) -> Self {
+        let named = |mut fault: Fault| {
+            fault.subject = format!("{}: {}", path.display(), fault.subject);
+            fault
+        };
+        match self {
+            Self::Invalid(fault) => Self::Invalid(named(fault)),
+            Self::Unsupported(fault) => Self::Unsupported(named(fault)),
+            other => other,
+        }
     }
 }
 
 impl From<Cancelled> for SliceError {
     fn from(_: Cancelled) -> Self {
         Self::Cancelled
+    }
+}
+
+impl From<StagingError> for SliceError {
+    fn from(error: StagingError) -> Self {
+        match error {
+            StagingError::File(error) => Self::Io(error),
+            StagingError::Invalid(fault) => Self::Invalid(fault),
+            other => Self::Output(other),
+        }
     }
 }
 

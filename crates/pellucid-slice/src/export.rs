@@ -4,13 +4,15 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
+use pellucid_core::FileError;
+use pellucid_core::staging::{OwnFiles, StagedDir};
 use pellucid_voxel::{AIR, Control, LabelGrid, MaterialTable};
 use rayon::prelude::*;
-use serde_json::{Map, Value};
 
+use crate::check::check;
 use crate::encode::LayerFormat;
-use crate::manifest::{self, FILE_PATTERN, FORMAT, FORMAT_VERSION, Manifest, ManifestMaterial};
-use crate::{PrintTarget, SliceError, StagedDir};
+use crate::manifest::{self, MANIFEST_FILE, Manifest};
+use crate::{PrintTarget, Recorded, SliceError};
 
 /// What the caller wants recorded, and whether an output may be replaced.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,8 +23,8 @@ pub struct ExportSettings {
     pub seed: u64,
     /// Program and version, for the manifest.
     pub generator: String,
-    /// Anything else worth recording in the manifest.
-    pub settings: Map<String, Value>,
+    /// Anything else worth recording in the manifest: all that is needed to make the print again.
+    pub settings: Recorded,
 }
 
 impl Default for ExportSettings {
@@ -31,97 +33,15 @@ impl Default for ExportSettings {
             force: false,
             seed: 0,
             generator: concat!("pellucid-slice ", env!("CARGO_PKG_VERSION")).into(),
-            settings: Map::new(),
+            settings: Recorded::default(),
         }
     }
 }
 
-/// Checks that `target` can print `grid`, without writing anything, and returns the manifest that
-/// an export would write.
-///
-/// # Errors
-/// As [`export`], but for the output folder and [`SliceError::Io`].
-pub fn check(
-    grid: &LabelGrid,
-    materials: &MaterialTable,
-    target: &PrintTarget,
-    settings: &ExportSettings,
-) -> Result<Manifest, SliceError> {
-    let frame = grid.frame();
-    let (have, want) = (frame.pitch().mm(), target.pitch().mm());
-    if have.iter().zip(want).any(|(h, w)| (h / w - 1.0).abs() > 1e-6) {
-        return Err(SliceError::invalid(
-            "grid pitch",
-            format!(
-                "{have:?} mm is not that of {:?}, {want:?} mm; voxelise at the target's pitch",
-                target.name()
-            ),
-        ));
-    }
-    for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
-        let (mm, most) = (f64::from(grid.size()[a]) * want[a], target.build_space_mm()[a]);
-        if mm > most * (1.0 + 1e-9) {
-            return Err(SliceError::unsupported(
-                "object size",
-                format!(
-                    "{mm:.2} mm along {axis} is more than the {most} mm of {:?}; scale or turn the model",
-                    target.name()
-                ),
-            ));
-        }
-    }
-    let mut used = Vec::new();
-    for (label, &voxels) in (0..=255u8).zip(&grid.histogram()) {
-        if label == AIR || voxels == 0 {
-            continue;
-        }
-        let material = materials.get(label).ok_or_else(|| {
-            SliceError::invalid(
-                "grid",
-                format!("{voxels} voxels have label {label}; the material table ends at {}", materials.len()),
-            )
-        })?;
-        let rgba = target.color_of(&material.name).ok_or_else(|| {
-            SliceError::invalid(
-                format!("printer profile {:?}, palette", target.name()),
-                format!("has no colour for material {:?} (label {label}); add one", material.name),
-            )
-        })?;
-        used.push(ManifestMaterial { label, name: material.name.clone(), rgba, voxels });
-    }
-    if used.len() > target.max_materials() as usize {
-        let names: Vec<_> = used.iter().map(|m| m.name.as_str()).collect();
-        return Err(SliceError::unsupported(
-            "materials",
-            format!(
-                "{} are in use ({}) and {:?} takes {}; prepare with fewer",
-                used.len(),
-                names.join(", "),
-                target.name(),
-                target.max_materials()
-            ),
-        ));
-    }
-    let padding_layers = target.min_layers().saturating_sub(grid.size()[2]);
-    Ok(Manifest {
-        format: FORMAT.into(),
-        format_version: FORMAT_VERSION,
-        generator: settings.generator.clone(),
-        target: target.name().into(),
-        pitch_mm: have,
-        dpi: target.dpi(),
-        origin_mm: frame.origin_mm(),
-        size: grid.size(),
-        layers: grid.size()[2] + padding_layers,
-        padding_layers,
-        files: FILE_PATTERN.into(),
-        row_order: target.row_order(),
-        orientation: manifest::orientation(target.row_order()),
-        background: target.background(),
-        materials: used,
-        seed: settings.seed,
-        settings: settings.settings.clone(),
-    })
+/// What [`export`] writes into an output folder, known by its manifest. A caller that adds files to the same output adds
+/// their names with [`OwnFiles::and`].
+pub fn own_files() -> OwnFiles {
+    OwnFiles::new([MANIFEST_FILE, "slices/slice_*.png"]).marked_by(MANIFEST_FILE, manifest::is_manifest)
 }
 
 /// Writes `slices/slice_00000.png` (bottom layer) and upwards and `manifest.json` into the folder
@@ -135,8 +55,8 @@ pub fn check(
 /// # Errors
 /// [`SliceError::Invalid`] for a grid at another pitch, with labels past the table or a material
 /// without a colour; [`SliceError::Unsupported`] for an object larger than the build space or too
-/// many materials; [`SliceError::Exists`] as [`StagedDir`]; [`SliceError::Io`];
-/// [`SliceError::Cancelled`]. Nothing is left behind and an existing output is untouched then.
+/// many materials; [`SliceError::Output`] when `dir` holds anything but an earlier output, or one
+/// and `settings.force` is not set; [`SliceError::Io`]; [`SliceError::Cancelled`]. Nothing is left behind and an existing output is untouched then.
 pub fn export(
     grid: &LabelGrid,
     materials: &MaterialTable,
@@ -145,7 +65,7 @@ pub fn export(
     dir: &Path,
     control: &Control,
 ) -> Result<Manifest, SliceError> {
-    let staged = StagedDir::begin(dir, settings.force)?;
+    let staged = StagedDir::begin(dir, settings.force, &own_files())?;
     let manifest = write_stack(grid, materials, target, settings, staged.path(), control)?;
     staged.commit()?;
     Ok(manifest)
@@ -167,7 +87,7 @@ pub fn write_stack(
     control.check()?;
     let manifest = check(grid, materials, target, settings)?;
     let slices = dir.join("slices");
-    fs::create_dir_all(&slices).map_err(SliceError::io("create", &slices))?;
+    fs::create_dir_all(&slices).map_err(FileError::at("create", &slices))?;
     let [width, height, depth] = grid.size();
     let mut colors = [manifest.background; 256];
     for m in &manifest.materials {
@@ -190,7 +110,7 @@ pub fn write_stack(
             } else {
                 labels.fill(AIR);
             }
-            format.write(labels, &manifest::slice_path(dir, z))?;
+            format.write(labels, &manifest::slice_path(dir, z), control)?;
             control.advance(&done, 1, u64::from(manifest.layers));
             Ok::<(), SliceError>(())
         },

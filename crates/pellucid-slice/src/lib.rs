@@ -2,11 +2,14 @@
 //!
 //! | module | owns |
 //! | --- | --- |
-//! | [`target`] | printer profiles: pitch, build space, limits, palette, image row order |
+//! | [`target`] | what a printer accepts: pitch, build space, limits, palette, image row order |
+//! | [`profile`] | printers by name, and as JSON |
+//! | [`check`](mod@check) | whether a printer can hold what is to be printed |
 //! | [`export`](mod@export) | a label grid as one RGBA PNG a layer and a manifest |
-//! | [`read`] | the way back: a stack of slices as a label grid |
 //! | [`manifest`] | `manifest.json`, everything another tool needs to use the slices |
-//! | [`staging`] | output folders that appear complete or not at all |
+//! | [`recorded`] | settings of other programs inside a manifest |
+//! | [`read`] | the way back: a stack of slices as a label grid |
+//! | [`images`], [`image_list`] | stacks of other tools' images as label grids |
 //! | [`coupon`](mod@coupon) | a test print that shows whether the printer mirrors |
 //!
 //! Layer 0 is the bottom, z grows upwards, x grows along an image row. [`RowOrder`] says which end
@@ -32,19 +35,29 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod check;
 pub mod coupon;
+mod decode;
 mod encode;
 pub mod error;
 pub mod export;
+pub mod image_list;
+pub mod images;
+mod json;
 pub mod manifest;
+pub mod profile;
 pub mod read;
-pub mod staging;
+pub mod recorded;
+mod slab;
 pub mod target;
 
+pub use check::{check, check_materials};
 pub use coupon::coupon;
 pub use error::SliceError;
-pub use export::{ExportSettings, check, export, write_stack};
+pub use export::{ExportSettings, export, own_files, write_stack};
+pub use image_list::list_images;
+pub use images::{ImageStack, read_images};
 pub use manifest::{Manifest, ManifestMaterial};
 pub use read::read_stack;
-pub use staging::StagedDir;
+pub use recorded::Recorded;
 pub use target::{PrintTarget, RowOrder};

@@ -1,13 +1,13 @@
 //! The manifest beside a stack of slices.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use pellucid_core::{Fault, files};
 use pellucid_voxel::{Frame, Pitch};
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
-use crate::{RowOrder, SliceError};
+use crate::{Recorded, RowOrder, SliceError, json};
 
 /// What `format` says in every manifest.
 pub const FORMAT: &str = "pellucid-slices";
@@ -69,7 +69,7 @@ pub struct Manifest {
     /// Random seed of the preparation.
     pub seed: u64,
     /// Further settings of the program that wrote the stack.
-    pub settings: Map<String, Value>,
+    pub settings: Recorded,
 }
 
 impl Manifest {
@@ -93,31 +93,24 @@ impl Manifest {
     /// consistent manifest, [`SliceError::Unsupported`] for another format version.
     pub fn load(dir: &Path) -> Result<Self, SliceError> {
         let path = dir.join(MANIFEST_FILE);
-        let io = |e| SliceError::io("read", &path)(e);
-        let mut bytes = Vec::new();
-        let file = std::fs::File::open(&path).map_err(io)?;
-        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(SliceError::file(&path, format!("is longer than {MAX_BYTES} bytes")));
+        let text = files::read_text_bounded(&path, MAX_BYTES)?;
+        Self::parse(&text).map_err(|error| error.in_file(&path))
+    }
+
+    fn parse(text: &str) -> Result<Self, SliceError> {
+        let Head { format, format_version } = json::parse("manifest", text)?;
+        if format.as_ref().and_then(Value::as_str) != Some(FORMAT) {
+            let reason = format!("is not that of a slice manifest, {FORMAT:?}");
+            return Err(SliceError::invalid("manifest, format", reason));
         }
-        let value: Value = serde_json::from_slice(&bytes)
-            .map_err(|e| SliceError::file(&path, format!("is not JSON: {e}")))?;
-        if value.get("format").and_then(Value::as_str) != Some(FORMAT) {
-            return Err(SliceError::file(
-                &path,
-                format!("is not a slice manifest: format must be {FORMAT:?}"),
-            ));
+        if format_version.as_ref().and_then(Value::as_u64) != Some(u64::from(FORMAT_VERSION)) {
+            let version = format_version.map_or("none".into(), |v| v.to_string());
+            let fault = Fault::new("manifest, format_version", format!("{version} is not known"))
+                .remedy(format!("this release reads {FORMAT_VERSION}"));
+            return Err(SliceError::Unsupported(fault));
         }
-        let version = value.get("format_version").and_then(Value::as_u64);
-        if version != Some(u64::from(FORMAT_VERSION)) {
-            return Err(SliceError::unsupported(
-                path.display().to_string(),
-                format!("format_version {version:?}; this release reads {FORMAT_VERSION}"),
-            ));
-        }
-        let manifest: Manifest =
-            serde_json::from_value(value).map_err(|e| SliceError::file(&path, e.to_string()))?;
-        manifest.check().map_err(|reason| SliceError::file(&path, reason))?;
+        let manifest: Manifest = json::parse("manifest", text)?;
+        manifest.check()?;
         Ok(manifest)
     }
 
@@ -127,43 +120,61 @@ impl Manifest {
         let mut text =
             serde_json::to_string_pretty(self).map_err(|e| SliceError::file(&path, e.to_string()))?;
         text.push('\n');
-        std::fs::write(&path, text).map_err(SliceError::io("write", &path))
+        Ok(files::write_whole_bytes(&path, text.as_bytes())?)
     }
 
-    /// Whether the fields agree with each other; the reason when not.
-    fn check(&self) -> Result<(), String> {
-        let frame = self.frame().map_err(|e| e.to_string())?;
+    /// Checks that the fields agree with each other.
+    fn check(&self) -> Result<(), SliceError> {
+        let invalid =
+            |field: &str, reason: String| Err(SliceError::invalid(format!("manifest, {field}"), reason));
+        let frame = self.frame()?;
         if self.size[2].checked_add(self.padding_layers) != Some(self.layers) {
-            return Err(format!(
-                "layers {} must be size[2] {} and padding_layers {}",
+            let reason = format!(
+                "{} must be size[2] {} and padding_layers {}",
                 self.layers, self.size[2], self.padding_layers
-            ));
+            );
+            return invalid("layers", reason);
         }
         if self.layers > Frame::MAX_EDGE {
-            return Err(format!("layers {} passes {}", self.layers, Frame::MAX_EDGE));
+            return invalid("layers", format!("{} passes {}", self.layers, Frame::MAX_EDGE));
         }
         if self.files != FILE_PATTERN {
-            return Err(format!("files {:?} must be {FILE_PATTERN:?}", self.files));
+            return invalid("files", format!("{:?} must be {FILE_PATTERN:?}", self.files));
         }
         let mut colors = vec![self.background];
         let mut label = 0;
         let mut voxels = 0u64;
         for m in &self.materials {
             if m.label <= label {
-                return Err(format!("materials: label {} of {:?} must ascend from 1", m.label, m.name));
+                return invalid("materials", format!("label {} of {:?} must ascend from 1", m.label, m.name));
             }
             if colors.contains(&m.rgba) {
-                return Err(format!("materials: {:?} has a colour in use, {:?}", m.name, m.rgba));
+                return invalid("materials", format!("{:?} has a colour in use, {:?}", m.name, m.rgba));
             }
             label = m.label;
             colors.push(m.rgba);
-            voxels = voxels
-                .checked_add(m.voxels)
-                .filter(|&sum| sum <= frame.voxels())
-                .ok_or_else(|| format!("materials: more voxels than the grid's {}", frame.voxels()))?;
+            match voxels.checked_add(m.voxels).filter(|&sum| sum <= frame.voxels()) {
+                Some(sum) => voxels = sum,
+                None => {
+                    return invalid("materials", format!("more voxels than the grid's {}", frame.voxels()));
+                }
+            }
         }
         Ok(())
     }
+}
+
+/// What tells whether a text is a manifest, and of which version.
+#[derive(Deserialize)]
+struct Head {
+    format: Option<Value>,
+    format_version: Option<Value>,
+}
+
+/// Whether a file's contents are a manifest of any version.
+pub(crate) fn is_manifest(bytes: &[u8]) -> bool {
+    serde_json::from_slice::<Head>(bytes)
+        .is_ok_and(|head| head.format.as_ref().and_then(Value::as_str) == Some(FORMAT))
 }
 
 /// Path of a layer's image in the output folder `dir`, as [`FILE_PATTERN`].

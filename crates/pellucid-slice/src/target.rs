@@ -1,10 +1,9 @@
 //! What a printer accepts: pitch, build space, limits and the colour that stands for each material.
 
 use std::collections::BTreeMap;
-use std::io::Read;
-use std::path::Path;
 
-use pellucid_voxel::Pitch;
+use pellucid_core::Fault;
+use pellucid_voxel::{Frame, Pitch, VoxelError};
 use serde::{Deserialize, Serialize};
 
 use crate::SliceError;
@@ -33,148 +32,214 @@ impl RowOrder {
     }
 }
 
+/// Voxel edges as a profile states them, so that it is written as it was read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Resolution {
+    /// Dots per inch along x, y and z.
+    Dpi([f64; 3]),
+    /// Dots per inch along x and y, and the layers' height in micrometres.
+    DpiAndLayer([f64; 2], f64),
+    /// Millimetres.
+    Pitch(Pitch),
+}
+
+impl Resolution {
+    fn pitch(self) -> Result<Pitch, VoxelError> {
+        match self {
+            Self::Dpi(dpi) => Pitch::from_dpi(dpi),
+            Self::DpiAndLayer([x, y], um) => Pitch::new([25.4 / x, 25.4 / y, um / 1000.0]),
+            Self::Pitch(pitch) => Ok(pitch),
+        }
+    }
+
+    /// The field of a profile's file that says it.
+    fn field(self) -> &'static str {
+        match self {
+            Self::Dpi(_) => "dpi",
+            Self::DpiAndLayer(..) => "dpi, layer_um",
+            Self::Pitch(_) => "pitch_mm",
+        }
+    }
+}
+
 /// A printer profile: everything slice export needs to know of a machine.
 ///
 /// ```
-/// use pellucid_slice::PrintTarget;
+/// use pellucid_slice::{PrintTarget, RowOrder};
 /// let target = PrintTarget::j750();
-/// assert_eq!(target.dpi(), [600.0, 300.0, 940.0]);
+/// assert_eq!(target.pitch().mm(), [25.4 / 600.0, 25.4 / 300.0, 0.027]);
 /// assert_eq!(target.color_of("white"), Some([255, 255, 255, 255]));
-/// let json = serde_json::to_string(&target).unwrap();
-/// assert_eq!(PrintTarget::from_json(&json).unwrap(), target);
+/// let json = serde_json::to_string(&target)?;
+/// assert_eq!(PrintTarget::from_json(&json)?, target);
+///
+/// let three = target
+///     .with_name("J750 High Speed")?
+///     .with_max_materials(3)?
+///     .with_row_order(RowOrder::LowestYFirst)
+///     .with_palette([("cyan", [0, 174, 239, 255]), ("white", [255; 4])])?;
+/// assert_eq!(three.palette().len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PrintTarget {
-    name: String,
-    dpi: [f64; 3],
-    build_space_mm: [f64; 3],
-    max_materials: u32,
-    min_layers: u32,
-    row_order: RowOrder,
-    background: [u8; 4],
-    palette: BTreeMap<String, [u8; 4]>,
+    pub(crate) name: String,
+    pub(crate) resolution: Resolution,
+    pub(crate) build_space_mm: [f64; 3],
+    pub(crate) max_materials: u32,
+    pub(crate) min_layers: u32,
+    pub(crate) row_order: RowOrder,
+    pub(crate) background: [u8; 4],
+    pub(crate) palette: BTreeMap<String, [u8; 4]>,
 }
 
-/// Largest printer profile that is read, in bytes.
-const MAX_PROFILE_BYTES: u64 = 1 << 20;
-
 impl PrintTarget {
-    /// Checks and builds a profile.
+    /// A profile of a printer with a voxel pitch, a printable box along `[x, y, z]` in millimetres and the RGBA colour
+    /// that stands for each material, by name.
     ///
-    /// `dpi` are dots per inch along `[x, y, z]`, `build_space_mm` the printable box, `min_layers`
-    /// the fewest slices the printer's tool takes (shorter objects are padded with air above), and
-    /// `palette` the RGBA colour of each material by name.
+    /// It takes all materials of the palette at once and prints of one layer and more, its images are as seen from
+    /// above, and empty space is transparent black; the `with_` methods change that.
     ///
     /// # Errors
-    /// [`SliceError::Invalid`] naming the field: a DPI outside what [`Pitch`] takes, a build space
-    /// that is not positive and finite, no materials, a translucent material, or two colours
-    /// (background included) that differ in alpha only, which tools without alpha would confuse.
-    pub fn new(
+    /// [`SliceError::Invalid`] naming the field: an empty name, a build space that is not positive and finite, no
+    /// materials, a name twice, a translucent material, or two colours (background included) that differ in alpha
+    /// only, which tools without alpha would confuse.
+    pub fn new<N: Into<String>>(
         name: &str,
-        dpi: [f64; 3],
+        pitch: Pitch,
         build_space_mm: [f64; 3],
-        max_materials: u32,
-        min_layers: u32,
-        row_order: RowOrder,
-        background: [u8; 4],
-        palette: BTreeMap<String, [u8; 4]>,
+        palette: impl IntoIterator<Item = (N, [u8; 4])>,
     ) -> Result<Self, SliceError> {
-        let field = |what: &str| format!("printer profile {name:?}, {what}");
-        if name.trim().is_empty() {
-            return Err(SliceError::invalid("printer profile", "the name is empty"));
+        let palette = unique(name, palette)?;
+        Self {
+            name: name.to_owned(),
+            resolution: Resolution::Pitch(pitch),
+            build_space_mm,
+            max_materials: (palette.len() as u32).max(1),
+            min_layers: 1,
+            row_order: RowOrder::HighestYFirst,
+            background: [0; 4],
+            palette,
         }
-        Pitch::from_dpi(dpi).map_err(|e| SliceError::invalid(field("dpi"), e.to_string()))?;
-        if let Some(bad) = build_space_mm.iter().find(|v| !(v.is_finite() && **v > 0.0)) {
-            return Err(SliceError::invalid(
-                field("build_space_mm"),
-                format!("{bad} mm must be positive and finite"),
-            ));
+        .checked()
+    }
+
+    /// The same under another name.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] when it is empty.
+    pub fn with_name(mut self, name: &str) -> Result<Self, SliceError> {
+        name.clone_into(&mut self.name);
+        self.checked()
+    }
+
+    /// The same with other voxel edges.
+    pub fn with_pitch(mut self, pitch: Pitch) -> Self {
+        self.resolution = Resolution::Pitch(pitch);
+        self
+    }
+
+    /// The same with another printable box along `[x, y, z]` in millimetres.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] when an edge is not positive and finite.
+    pub fn with_build_space_mm(mut self, build_space_mm: [f64; 3]) -> Result<Self, SliceError> {
+        self.build_space_mm = build_space_mm;
+        self.checked()
+    }
+
+    /// The same for prints of at most `max_materials`, background not counted.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] for 0.
+    pub fn with_max_materials(mut self, max_materials: u32) -> Result<Self, SliceError> {
+        self.max_materials = max_materials;
+        self.checked()
+    }
+
+    /// The same whose tool takes no fewer than `min_layers` slices: shorter objects are padded with air above.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] past [`Frame::MAX_EDGE`].
+    pub fn with_min_layers(mut self, min_layers: u32) -> Result<Self, SliceError> {
+        self.min_layers = min_layers;
+        self.checked()
+    }
+
+    /// The same with the other end of the y axis in an image's first row.
+    pub fn with_row_order(mut self, row_order: RowOrder) -> Self {
+        self.row_order = row_order;
+        self
+    }
+
+    /// The same with another RGBA colour of empty space.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] when a material has that colour.
+    pub fn with_background(mut self, background: [u8; 4]) -> Result<Self, SliceError> {
+        self.background = background;
+        self.checked()
+    }
+
+    /// The same with other materials: the RGBA colour of each by name.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] as [`PrintTarget::new`].
+    pub fn with_palette<N: Into<String>>(
+        mut self,
+        palette: impl IntoIterator<Item = (N, [u8; 4])>,
+    ) -> Result<Self, SliceError> {
+        self.palette = unique(&self.name, palette)?;
+        self.checked()
+    }
+
+    /// Checks every field.
+    pub(crate) fn checked(self) -> Result<Self, SliceError> {
+        if self.name.trim().is_empty() {
+            return Err(invalid("", "name", "is empty"));
         }
-        if max_materials == 0 || palette.is_empty() {
-            return Err(SliceError::invalid(field("palette"), "needs at least one material"));
+        let invalid = |field: &str, reason: String| Err(invalid(&self.name, field, reason));
+        match self.resolution.pitch() {
+            Ok(_) => {}
+            Err(VoxelError::Invalid(fault)) => {
+                return invalid(self.resolution.field(), format!("{}: {}", fault.subject, fault.reason));
+            }
+            Err(other) => return Err(other.into()),
         }
-        let mut seen = vec![("background", background)];
-        for (material, color) in &palette {
+        if let Some(bad) = self.build_space_mm.iter().find(|v| !(v.is_finite() && **v > 0.0)) {
+            return invalid("build_space_mm", format!("{bad} mm must be positive and finite"));
+        }
+        if self.max_materials == 0 {
+            return invalid("max_materials", "must be at least 1".into());
+        }
+        if self.min_layers > Frame::MAX_EDGE {
+            return invalid("min_layers", format!("{} must be at most {}", self.min_layers, Frame::MAX_EDGE));
+        }
+        self.check_palette()?;
+        Ok(self)
+    }
+
+    fn check_palette(&self) -> Result<(), SliceError> {
+        let invalid = |reason: String| Err(invalid(&self.name, "palette", reason));
+        if self.palette.is_empty() {
+            return invalid("needs at least one material".into());
+        }
+        let mut seen = vec![("background", self.background)];
+        for (material, color) in &self.palette {
             if color[3] != 255 {
-                return Err(SliceError::invalid(
-                    field("palette"),
-                    format!("{material:?} has alpha {}; a material's colour must be opaque (255)", color[3]),
+                return invalid(format!(
+                    "{material:?} has alpha {}; a material's colour must be opaque (255)",
+                    color[3]
                 ));
             }
             if let Some((other, _)) = seen.iter().find(|(_, c)| c[..3] == color[..3]) {
-                return Err(SliceError::invalid(
-                    field("palette"),
-                    format!(
-                        "{material:?} and {other:?} share the RGB value {:?}; give each its own",
-                        &color[..3]
-                    ),
+                return invalid(format!(
+                    "{material:?} and {other:?} share the RGB value {:?}; give each its own",
+                    &color[..3]
                 ));
             }
             seen.push((material, *color));
         }
-        Ok(Self {
-            name: name.to_owned(),
-            dpi,
-            build_space_mm,
-            max_materials,
-            min_layers,
-            row_order,
-            background,
-            palette,
-        })
-    }
-
-    /// The built-in profile of a Stratasys J750 class printer driven through PNG stacks:
-    /// 600 x 300 x 940 DPI (27 µm layers), 490 x 390 x 200 mm, 6 materials and the background, at
-    /// least 30 slices.
-    pub fn j750() -> Self {
-        let palette = [
-            ("cyan", [0, 174, 239]),
-            ("magenta", [236, 0, 140]),
-            ("yellow", [255, 221, 0]),
-            ("black", [35, 31, 32]),
-            ("white", [255, 255, 255]),
-            ("clear", [190, 205, 215]),
-        ];
-        Self {
-            name: "j750".into(),
-            dpi: [600.0, 300.0, 940.0],
-            build_space_mm: [490.0, 390.0, 200.0],
-            max_materials: 6,
-            min_layers: 30,
-            row_order: RowOrder::HighestYFirst,
-            background: [0; 4],
-            palette: palette.map(|(name, [r, g, b])| (name.to_owned(), [r, g, b, 255])).into(),
-        }
-    }
-
-    /// A built-in profile by name, or `None`.
-    pub fn builtin(name: &str) -> Option<Self> {
-        Some(Self::j750()).filter(|target| target.name == name)
-    }
-
-    /// Reads a profile from JSON text.
-    ///
-    /// # Errors
-    /// [`SliceError::Invalid`] naming the field, as [`PrintTarget::new`]; unknown fields too.
-    pub fn from_json(json: &str) -> Result<Self, SliceError> {
-        serde_json::from_str(json).map_err(|e| SliceError::invalid("printer profile", e.to_string()))
-    }
-
-    /// Reads a profile from a JSON file of at most 1 MiB.
-    ///
-    /// # Errors
-    /// [`SliceError::Io`] when the file cannot be read; otherwise as [`PrintTarget::from_json`],
-    /// naming the file.
-    pub fn load(path: &Path) -> Result<Self, SliceError> {
-        let io = |e| SliceError::io("read", path)(e);
-        let mut bytes = Vec::new();
-        let file = std::fs::File::open(path).map_err(io)?;
-        file.take(MAX_PROFILE_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
-        if bytes.len() as u64 > MAX_PROFILE_BYTES {
-            return Err(SliceError::file(path, format!("is longer than {MAX_PROFILE_BYTES} bytes")));
-        }
-        serde_json::from_slice(&bytes).map_err(|e| SliceError::file(path, e.to_string()))
+        Ok(())
     }
 
     /// Short name, as given to `--printer`.
@@ -184,12 +249,16 @@ impl PrintTarget {
 
     /// Dots per inch along `[x, y, z]`.
     pub fn dpi(&self) -> [f64; 3] {
-        self.dpi
+        match self.resolution {
+            Resolution::Dpi(dpi) => dpi,
+            Resolution::DpiAndLayer([x, y], um) => [x, y, 25_400.0 / um],
+            Resolution::Pitch(pitch) => pitch.mm().map(|edge| 25.4 / edge),
+        }
     }
 
     /// Voxel edges.
     pub fn pitch(&self) -> Pitch {
-        Pitch::from_dpi(self.dpi).unwrap_or_else(|_| unreachable!("checked by the constructor"))
+        self.resolution.pitch().unwrap_or_else(|_| unreachable!("checked by the constructor"))
     }
 
     /// Printable box along `[x, y, z]` in millimetres.
@@ -228,33 +297,23 @@ impl PrintTarget {
     }
 }
 
-impl<'de> Deserialize<'de> for PrintTarget {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Raw {
-            name: String,
-            dpi: [f64; 3],
-            build_space_mm: [f64; 3],
-            max_materials: u32,
-            min_layers: u32,
-            row_order: RowOrder,
-            background: [u8; 4],
-            palette: BTreeMap<String, [u8; 4]>,
+fn invalid(name: &str, field: &str, reason: impl Into<String>) -> SliceError {
+    SliceError::Invalid(Fault::new(format!("printer profile {name:?}, {field}"), reason))
+}
+
+fn unique<N: Into<String>>(
+    name: &str,
+    palette: impl IntoIterator<Item = (N, [u8; 4])>,
+) -> Result<BTreeMap<String, [u8; 4]>, SliceError> {
+    let mut unique = BTreeMap::new();
+    for (material, color) in palette {
+        let material = material.into();
+        if unique.contains_key(&material) {
+            return Err(invalid(name, "palette", format!("{material:?} is named twice")));
         }
-        let r = Raw::deserialize(deserializer)?;
-        PrintTarget::new(
-            &r.name,
-            r.dpi,
-            r.build_space_mm,
-            r.max_materials,
-            r.min_layers,
-            r.row_order,
-            r.background,
-            r.palette,
-        )
-        .map_err(serde::de::Error::custom)
+        unique.insert(material, color);
     }
+    Ok(unique)
 }
 
 #[cfg(test)]
@@ -262,35 +321,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_committed_profile_equals_the_built_in_one() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../datasets/printers/j750.json");
-        assert_eq!(PrintTarget::load(&path).unwrap(), PrintTarget::j750());
-        assert_eq!(PrintTarget::builtin("j750"), Some(PrintTarget::j750()));
-        assert_eq!(PrintTarget::builtin("J55"), None);
-        assert_eq!(PrintTarget::j750().pitch(), Pitch::j750());
-    }
+    fn builder_methods_change_their_field_and_are_checked() {
+        let pitch = Pitch::new([0.05, 0.06, 0.03]).unwrap();
+        let white = [("white", [255; 4])];
+        let target = PrintTarget::new("lab", pitch, [100.0, 90.0, 80.0], white).unwrap();
+        assert_eq!((target.max_materials(), target.min_layers(), target.background()), (1, 1, [0; 4]));
+        assert_eq!((target.pitch(), target.row_order()), (pitch, RowOrder::HighestYFirst));
+        let dpi = target.dpi();
+        assert!((dpi[0] - 508.0).abs() < 1e-9 && (dpi[2] - 25.4 / 0.03).abs() < 1e-9, "{dpi:?}");
 
-    #[test]
-    fn refuses_bad_profiles_by_field() {
-        let good = serde_json::to_value(PrintTarget::j750()).unwrap();
-        let cases = [
-            ("/dpi/1", serde_json::json!(0.0), "dpi"),
-            ("/build_space_mm/2", serde_json::json!(-1.0), "build_space_mm"),
-            ("/max_materials", serde_json::json!(0), "palette"),
-            ("/palette/cyan", serde_json::json!([1, 2, 3, 254]), "cyan"),
-            ("/palette/cyan", serde_json::json!([255, 255, 255, 255]), "white"),
-            ("/background", serde_json::json!([255, 255, 255, 0]), "white"),
-            ("/name", serde_json::json!(" "), "name"),
-            ("/row_order", serde_json::json!("upwards"), "upwards"),
-        ];
-        for (pointer, value, word) in cases {
-            let mut bad = good.clone();
-            *bad.pointer_mut(pointer).unwrap() = value;
-            let error = PrintTarget::from_json(&bad.to_string()).unwrap_err().to_string();
-            assert!(error.contains(word), "{pointer}: {error}");
+        let other = PrintTarget::j750()
+            .with_name("lab")
+            .and_then(|t| t.with_pitch(pitch).with_build_space_mm([100.0, 90.0, 80.0]))
+            .and_then(|t| t.with_max_materials(1)?.with_min_layers(1)?.with_palette(white));
+        assert_eq!(other.unwrap(), target);
+        let lowest =
+            target.clone().with_row_order(RowOrder::LowestYFirst).with_background([0, 0, 0, 255]).unwrap();
+        assert_eq!((lowest.row_order(), lowest.background()), (RowOrder::LowestYFirst, [0, 0, 0, 255]));
+
+        let t = || target.clone();
+        for (result, field) in [
+            (t().with_name(" "), "name"),
+            (t().with_build_space_mm([1.0, f64::NAN, 1.0]), "build_space_mm"),
+            (t().with_max_materials(0), "max_materials"),
+            (t().with_min_layers(u32::MAX), "min_layers"),
+            (t().with_background([255, 255, 255, 0]), "white"),
+            (t().with_palette([("a", [1, 1, 1, 255]), ("a", [2, 2, 2, 255])]), "twice"),
+            (t().with_palette([("a", [1, 1, 1, 254])]), "opaque"),
+            (t().with_palette::<&str>([]), "at least one"),
+            (PrintTarget::new("x", pitch, [0.0, 1.0, 1.0], white), "build_space_mm"),
+        ] {
+            let error = result.unwrap_err().to_string();
+            assert!(error.contains(field), "{field}: {error}");
         }
-        let mut unknown = good;
-        unknown["dpy"] = 3.into();
-        assert!(PrintTarget::from_json(&unknown.to_string()).unwrap_err().to_string().contains("dpy"));
     }
 }

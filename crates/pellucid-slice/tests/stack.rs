@@ -4,13 +4,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use pellucid_slice::{ExportSettings, Manifest, PrintTarget, RowOrder, SliceError, export, read_stack};
+use pellucid_core::staging::StagingError;
+use pellucid_slice::{
+    ExportSettings, Manifest, PrintTarget, Recorded, RowOrder, SliceError, check_materials, export,
+    read_stack,
+};
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Tile};
 use proptest::prelude::*;
 
 /// A grid whose labels are a hash of the voxel and the seed, in blobs so that some tiles are constant.
 fn hashed(size: [u32; 3], seed: u64) -> LabelGrid {
-    let frame = Frame::new([0.1, -7.3, 1.0 / 3.0], Pitch::j750(), size).unwrap();
+    let frame = Frame::new([0.1, -7.3, 1.0 / 3.0], PrintTarget::j750().pitch(), size).unwrap();
     let mut grid =
         LabelGrid::from_tiles(frame, |t| Tile::Constant(((u64::from(t[0] + t[1]) + seed) % 6) as u8));
     let mut state = seed | 1;
@@ -110,30 +114,13 @@ proptest! {
             Err(other) => prop_assert!(false, "{other}"),
         }
     }
-
-    #[test]
-    fn mutated_manifests_do_not_panic(
-        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
-    ) {
-        let dir = tempfile::tempdir().unwrap();
-        let out = dir.path().join("out");
-        write(&hashed([9, 5, 3], 1), &PrintTarget::j750(), &out).unwrap();
-        let path = out.join("manifest.json");
-        let mut bytes = fs::read(&path).unwrap();
-        for (at, value) in edits {
-            let i = at.index(bytes.len());
-            bytes[i] = value;
-        }
-        fs::write(&path, bytes).unwrap();
-        let _ = read_stack(&out, &Control::none());
-    }
 }
 
 #[test]
 fn images_are_as_seen_from_above_in_palette_colours_with_their_dpi() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    let frame = Frame::new([0.0; 3], Pitch::j750(), [5, 3, 30]).unwrap();
+    let frame = Frame::new([0.0; 3], PrintTarget::j750().pitch(), [5, 3, 30]).unwrap();
     let mut grid = LabelGrid::new(frame);
     grid.set([4, 0, 2], 1); // cyan: right end of the lowest y
     grid.set([0, 2, 2], 4); // black: left end of the highest y
@@ -189,7 +176,7 @@ fn cancelling_leaves_nothing_and_keeps_what_was_there() {
     assert!(matches!(run(false, 8), Err(SliceError::Cancelled)));
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
     run(false, u64::MAX).unwrap();
-    assert!(matches!(run(false, u64::MAX), Err(SliceError::Exists { .. })));
+    assert!(matches!(run(false, u64::MAX), Err(SliceError::Output(StagingError::Exists { .. }))));
     assert!(matches!(run(true, 8), Err(SliceError::Cancelled)));
     assert_eq!(Manifest::load(&out).unwrap().seed, u64::MAX);
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
@@ -217,15 +204,91 @@ fn what_the_printer_cannot_do_is_refused_with_a_remedy() {
         &target(&[("build_space_mm", serde_json::json!([490.0, 390.0, 1.0]))]),
         &["along z", "scale"],
     );
-    refused(&grid, &target(&[("max_materials", 4.into())]), &["5 are in use", "cyan", "fewer"]);
+    refused(&grid, &target(&[("max_materials", 4.into())]), &["5 are needed", "cyan", "fewer"]);
     let no_white = serde_json::json!({"cyan": [0, 0, 9, 255], "magenta": [1, 0, 0, 255], "yellow": [2, 0, 0, 255],
         "black": [3, 0, 0, 255]});
     refused(&grid, &target(&[("palette", no_white)]), &["white", "palette", "add"]);
     let mut stray = grid.clone();
     stray.set([1, 2, 3], 77);
-    refused(&stray, &j750, &["label 77", "1 voxels"]);
+    refused(&stray, &j750, &["label 77", "ends at 5"]);
     let coarse = Frame::new([0.0; 3], Pitch::new([0.1; 3]).unwrap(), [4, 4, 4]).unwrap();
     refused(&LabelGrid::new(coarse), &j750, &["pitch", "voxelise"]);
+}
+
+#[test]
+fn materials_that_may_be_used_are_checked_before_any_work() {
+    let table = MaterialTable::cmykw();
+    // Before the halftone all is white, and every printer holds that.
+    let white = LabelGrid::from_tiles(*hashed([9, 9, 9], 1).frame(), |_| Tile::Constant(5));
+    let three = PrintTarget::j750().with_max_materials(3).unwrap();
+    assert!(pellucid_slice::check(&white, &table, &three, &ExportSettings::default()).is_ok());
+    let error = check_materials(&three, &table, 1..=5).unwrap_err();
+    assert!(matches!(error, SliceError::Unsupported(_)));
+    let error = error.to_string();
+    assert!(
+        error.contains("5 are needed (cyan, magenta, yellow, black, white)") && error.contains("takes 3"),
+        "{error}"
+    );
+    assert!(check_materials(&three, &table, [0, 5, 4, 5, 1, 4]).is_ok());
+
+    let palette = PrintTarget::j750().palette().clone().into_iter().filter(|(name, _)| name != "cyan");
+    let no_cyan = PrintTarget::j750().with_palette(palette).unwrap();
+    let error = check_materials(&no_cyan, &table, 1..=5).unwrap_err();
+    assert!(matches!(&error, SliceError::Invalid(fault) if fault.reason.contains("\"cyan\"")), "{error}");
+    assert!(check_materials(&no_cyan, &table, 2..=5).is_ok());
+    assert!(matches!(check_materials(&no_cyan, &table, [6]), Err(SliceError::Invalid(_))));
+}
+
+#[test]
+fn files_of_the_user_in_the_output_are_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let grid = hashed([9, 9, 9], 1);
+    write(&grid, &PrintTarget::j750(), &out).unwrap();
+    fs::write(out.join("model.glb"), "the input").unwrap();
+    let settings = ExportSettings { force: true, ..Default::default() };
+    let run =
+        || export(&grid, &MaterialTable::cmykw(), &PrintTarget::j750(), &settings, &out, &Control::none());
+    let error = run().unwrap_err();
+    assert!(matches!(&error, SliceError::Output(StagingError::Foreign { .. })), "{error}");
+    assert!(error.to_string().contains("model.glb"), "{error}");
+    assert_eq!(fs::read(out.join("model.glb")).unwrap(), b"the input");
+    fs::remove_file(out.join("model.glb")).unwrap();
+    assert!(run().is_ok());
+}
+
+#[test]
+fn all_settings_of_another_program_come_back() {
+    #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+    struct Job {
+        spp: u32,
+        scale: f64,
+        weights: Option<String>,
+        stages: Vec<(String, f32)>,
+        target: PrintTarget,
+    }
+    let job = Job {
+        spp: 16,
+        scale: 1.0 / 3.0,
+        weights: None,
+        stages: vec![("refine".into(), 0.1)],
+        target: PrintTarget::j750(),
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let settings = ExportSettings { settings: Recorded::of(&job).unwrap(), ..Default::default() };
+    export(
+        &hashed([9, 5, 3], 1),
+        &MaterialTable::cmykw(),
+        &PrintTarget::j750(),
+        &settings,
+        &out,
+        &Control::none(),
+    )
+    .unwrap();
+    let manifest = Manifest::load(&out).unwrap();
+    assert_eq!(manifest.settings.read::<Job>().unwrap(), job);
+    assert_eq!(manifest.pitch_mm[2], 0.027);
 }
 
 #[test]
@@ -263,6 +326,8 @@ fn corrupted_stacks_are_named() {
         ("/size/0", serde_json::json!(1 << 20), "cannot be an image"),
         ("/size/1", serde_json::json!(0), "empty axis"),
         ("/layers", serde_json::json!(31), "padding_layers"),
+        ("/layers", serde_json::json!("30"), "manifest, layers: is \"30\", and must be a whole number"),
+        ("/materials/0/rgba/3", serde_json::json!(-1), "manifest, materials[0].rgba[3]: is -1"),
         ("/files", serde_json::json!("../../secret_%05d.png"), "files"),
         ("/format", serde_json::json!("other"), "format"),
         ("/format_version", serde_json::json!(2), "format_version"),
@@ -284,5 +349,5 @@ fn corrupted_stacks_are_named() {
     let mut encoder = png::Encoder::new(file, 40, 20);
     encoder.set_color(png::ColorType::Grayscale);
     encoder.write_header().unwrap().write_image_data(&[7; 800]).unwrap();
-    assert!(message(&out).contains("must be RGBA"));
+    assert!(message(&out).contains("must be Rgba with 8 bits"));
 }
