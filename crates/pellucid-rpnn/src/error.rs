@@ -24,6 +24,14 @@ pub enum RpnnError {
         /// What it holds and what is needed.
         reason: String,
     },
+    /// The weights were trained for something else.
+    #[error("unsupported {field}: {reason}")]
+    NotTrainedFor {
+        /// What differs.
+        field: String,
+        /// What is asked and what the weights were trained for.
+        reason: String,
+    },
     /// The source of training samples failed.
     #[error("batch {batch} of the training samples: {reason}")]
     Source {

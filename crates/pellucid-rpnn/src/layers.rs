@@ -1,18 +1,20 @@
 //! The layers of a network: weights packed for both passes, products with them, and their gradients.
 
+use std::sync::Arc;
+
 use crate::Weights;
 use crate::kernel::{Add, Finish, Form, Matrix, Packed, Products};
 use crate::network::Precision;
 use crate::variant::Layer;
 
-/// Weights packed for both passes.
+/// Weights packed for both passes; clones share them until one takes over others.
 #[derive(Clone, Debug)]
 pub(crate) struct Layers {
-    pub(crate) weights: Weights,
+    pub(crate) weights: Arc<Weights>,
     pub(crate) precision: Precision,
     products: Products,
     /// Each layer's matrix transposed: inputs to outputs.
-    forward: Vec<Packed>,
+    forward: Arc<Vec<Packed>>,
     /// Each layer's matrix: derivatives by outputs to derivatives by inputs. Empty until it is needed.
     backward: Vec<Packed>,
     backward_is_fresh: bool,
@@ -24,23 +26,23 @@ impl Layers {
         let mut layers = Self {
             precision,
             products: Products::new(Form::detect()),
-            forward: vec![Packed::default(); count],
+            forward: Arc::new(vec![Packed::default(); count]),
             backward: vec![Packed::default(); count],
             backward_is_fresh: false,
-            weights,
+            weights: Arc::new(weights),
         };
         layers.pack_forward();
         layers
     }
 
     pub(crate) fn load(&mut self, weights: &Weights) {
-        self.weights.values_mut().copy_from_slice(weights.values());
+        Arc::make_mut(&mut self.weights).values_mut().copy_from_slice(weights.values());
         self.backward_is_fresh = false;
         self.pack_forward();
     }
 
     fn pack_forward(&mut self) {
-        for (i, packed) in self.forward.iter_mut().enumerate() {
+        for (i, packed) in Arc::make_mut(&mut self.forward).iter_mut().enumerate() {
             let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
             self.products.pack(matrix.t(), precision_of(self.precision, &self.weights, i), packed);
         }

@@ -35,6 +35,7 @@ pub mod variant;
 pub mod weights;
 
 pub use error::RpnnError;
+pub use file::{Provenance, TrainedNetwork};
 pub use inference::Inference;
 pub use network::{Network, Precision};
 #[cfg(feature = "weights")]

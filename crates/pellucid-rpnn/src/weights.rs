@@ -86,6 +86,27 @@ impl Weights {
         &self.values
     }
 
+    /// A digest of the variant, the layers' names and all values: 128 bits of FNV-1a, in hexadecimal. It tells
+    /// weights apart in reports; it is no proof against forgery.
+    pub fn digest(&self) -> String {
+        let mut hash = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d_u128;
+        let mut add = |bytes: &[u8]| {
+            for &byte in bytes {
+                hash = (hash ^ u128::from(byte)).wrapping_mul(0x0000_0000_0100_0000_0000_0000_0000_013b);
+            }
+        };
+        add(self.variant.name().as_bytes());
+        for layer in &self.layout.layers {
+            // A byte that no name holds keeps names and values apart.
+            add(&[0xff]);
+            add(layer.name.as_bytes());
+            add(&[0xff]);
+            let values = self.values[layer.weight.clone()].iter().chain(&self.values[layer.bias.clone()]);
+            values.for_each(|v| add(&v.to_bits().to_le_bytes()));
+        }
+        format!("{hash:032x}")
+    }
+
     /// All parameters, for an optimiser.
     pub fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
@@ -144,6 +165,21 @@ mod tests {
         assert_eq!(*weights.values().last().unwrap(), 0.05);
         assert_eq!(weights, Weights::initial(Variant::SharedLevelsAndOctants, 3, 0.4));
         assert_ne!(weights, Weights::initial(Variant::SharedLevelsAndOctants, 4, 0.4));
+    }
+
+    #[test]
+    fn digests_tell_weights_apart() {
+        let weights = Weights::initial(Variant::SharedLevels, 3, 0.4);
+        assert_eq!(weights.digest(), weights.clone().digest());
+        assert_eq!(weights.digest().len(), 32);
+        let mut other = weights.clone();
+        let last = other.values().len() - 1;
+        other.values_mut()[last] = f32::from_bits(other.values()[last].to_bits() ^ 1);
+        assert_ne!(weights.digest(), other.digest());
+        assert_ne!(
+            Weights::zeros(Variant::SharedOctants).digest(),
+            Weights::zeros(Variant::Baseline).digest()
+        );
     }
 
     #[test]

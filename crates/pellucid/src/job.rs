@@ -301,7 +301,9 @@ impl PrintJob {
             #[cfg(feature = "rpnn")]
             PredictorKind::Rpnn => {
                 let network = match &s.weights {
-                    Some(given) => Rpnn::new(given.0.clone(), given.1.clone(), Precision::Bf16),
+                    Some(given) => {
+                        Rpnn::new(given.weights.clone(), given.provenance.clone(), Precision::Bf16)
+                    }
                     #[cfg(feature = "weights")]
                     None => Rpnn::shipped()?,
                     #[cfg(not(feature = "weights"))]

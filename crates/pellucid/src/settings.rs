@@ -42,7 +42,7 @@ pub struct PrintSettings {
     pub predictor: PredictorKind,
     /// Weights for [`PredictorKind::Rpnn`] and what they were trained for; the library's own without them.
     #[cfg(feature = "rpnn")]
-    pub weights: Option<std::sync::Arc<(pellucid_rpnn::Weights, pellucid_rpnn::file::Provenance)>>,
+    pub weights: Option<std::sync::Arc<pellucid_rpnn::TrainedNetwork>>,
     /// Paths a point and channel in each iteration of the loop: of every point with
     /// [`PredictorKind::MonteCarlo`], of those that correct the network with [`PredictorKind::Rpnn`].
     pub spp: u32,

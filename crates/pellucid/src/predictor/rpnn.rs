@@ -92,8 +92,8 @@ impl Rpnn {
     /// [`RpnnError`] when they are damaged.
     #[cfg(feature = "weights")]
     pub fn shipped() -> Result<Self, RpnnError> {
-        let (weights, provenance) = pellucid_rpnn::shipped()?;
-        Ok(Self::new(weights, provenance, Precision::Bf16))
+        let network = pellucid_rpnn::shipped()?;
+        Ok(Self::new(network.weights, network.provenance, Precision::Bf16))
     }
 
     /// What the weights were trained for.

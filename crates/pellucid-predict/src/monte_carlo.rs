@@ -1,0 +1,192 @@
+//! Path tracing as a predictor.
+
+use std::sync::Arc;
+
+use pellucid_core::{Control, InstructionSet};
+use pellucid_trace::{Backend, Boundary, TraceError, TraceOptions, Tracer, Tracking, Volume};
+use pellucid_voxel::LabelGrid;
+
+use crate::{
+    BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Identity, Object, PredictError, Predictor,
+};
+
+/// Predicts by unbiased path tracing, the same number of paths for every point and channel.
+///
+/// The draw's seed and pass choose the paths, so that errors of different passes are independent. Values are the same
+/// on any processor.
+///
+/// ```
+/// use std::sync::Arc;
+/// use pellucid_predict::{Changed, Draw, MonteCarlo, Object, Pass, Predictor, predict_all};
+/// use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
+///
+/// let frame = Frame::new([0.0; 3], Pitch::j750(), [32, 16, 48]).unwrap();
+/// let labels = LabelGrid::from_tiles(frame, |_| Tile::Constant(5)); // a block of white
+/// let control = Control::none();
+/// let surface = Surface::extract(&labels, &SurfaceOptions::default(), &control).unwrap();
+/// let object = Arc::new(Object::new(surface, MaterialTable::cmykw(), 1.5).unwrap());
+///
+/// let mut bound = MonteCarlo::new(4).unwrap().bind(Arc::clone(&object)).unwrap();
+/// bound.update(&labels, Changed::Unknown, &control).unwrap();
+/// let (radiance, diagnostics) =
+///     predict_all(&*bound, &object, Draw::new(7, Pass::Loop(0)), &control).unwrap();
+/// assert_eq!(radiance.len(), object.surface().len() * 3);
+/// assert_eq!(diagnostics.paths, radiance.len() as u64 * 4);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MonteCarlo {
+    /// Seed and boundary are filled in from the draw and the object.
+    options: TraceOptions,
+    instruction_set: Option<InstructionSet>,
+}
+
+impl MonteCarlo {
+    /// A predictor with `spp` paths a point and channel.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] for no paths.
+    pub fn new(spp: u32) -> Result<Self, PredictError> {
+        Self { options: TraceOptions { spp, ..TraceOptions::default() }, instruction_set: None }.checked()
+    }
+
+    /// The same with another weight, 0 to 1, below which paths play Russian roulette.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] outside that range.
+    pub fn with_roulette(mut self, roulette: f32) -> Result<Self, PredictError> {
+        self.options.roulette = roulette;
+        self.checked()
+    }
+
+    /// The same with another way to sample free flights.
+    pub fn with_tracking(mut self, tracking: Tracking) -> Self {
+        self.options.tracking = tracking;
+        self
+    }
+
+    /// The same on other instructions than [`InstructionSet::chosen`]: no other values, another time.
+    ///
+    /// # Errors
+    /// [`PredictError::Unsupported`] where the processor lacks them.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, PredictError> {
+        self.instruction_set = Some(set.require().map_err(PredictError::Unsupported)?);
+        self.checked()
+    }
+
+    /// Paths a point and channel.
+    pub fn spp(&self) -> u32 {
+        self.options.spp
+    }
+
+    /// What [`Tracer`] is given for an object and a seed; its iteration is [`Pass::number`](crate::Pass::number).
+    ///
+    /// # Errors
+    /// None that [`Object::new`] lets through.
+    pub fn trace_options(&self, object: &Object, seed: u64) -> Result<TraceOptions, PredictError> {
+        let boundary = Boundary::with_index(object.refractive_index())?;
+        Ok(TraceOptions { seed, boundary, backend: Some(backend(self.used())), ..self.options })
+    }
+
+    fn used(&self) -> InstructionSet {
+        self.instruction_set.unwrap_or_else(InstructionSet::chosen)
+    }
+
+    fn checked(self) -> Result<Self, PredictError> {
+        self.options.check()?;
+        Ok(self)
+    }
+}
+
+/// The tracer's best form that is not above a set.
+fn backend(set: InstructionSet) -> Backend {
+    match set {
+        InstructionSet::Portable => Backend::Portable,
+        InstructionSet::Avx2 => Backend::Avx2,
+        _ => Backend::Avx512,
+    }
+}
+
+impl Predictor for MonteCarlo {
+    fn identity(&self) -> Identity {
+        Identity::new("mc", self.used(), true)
+            .with("spp", self.options.spp)
+            .with("roulette", self.options.roulette)
+            .with("tracking", format!("{:?}", self.options.tracking).to_lowercase())
+    }
+
+    fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
+        self.trace_options(object, 0)?;
+        Ok(Capabilities::new(true))
+    }
+
+    fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
+        self.supports(&object)?;
+        Ok(Box::new(BoundMonteCarlo { settings: *self, object, volume: None, current: false }))
+    }
+}
+
+struct BoundMonteCarlo {
+    settings: MonteCarlo,
+    object: Arc<Object>,
+    /// Built of the first labels; later ones are set.
+    volume: Option<Volume>,
+    /// The volume holds the labels of the last update.
+    current: bool,
+}
+
+impl BoundPredictor for BoundMonteCarlo {
+    fn update(
+        &mut self,
+        labels: &LabelGrid,
+        changed: Changed<'_>,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        let same = std::mem::take(&mut self.current) && matches!(changed, Changed::Tiles([]));
+        self.object.check_labels(labels)?;
+        control.check()?;
+        if !same {
+            let silent = control.silent();
+            // Another shape than before is for a new volume to refuse: it names the voxel.
+            let set = self.volume.as_mut().map(|volume| volume.set_labels(labels, &silent));
+            match set {
+                Some(Err(TraceError::Invalid(_))) | None => {
+                    self.volume = Some(Volume::new(labels, self.object.surface(), &silent)?);
+                }
+                Some(set) => set?,
+            }
+        }
+        if let Some(volume) = &self.volume {
+            // Refuses labels without a material.
+            Tracer::new(volume, self.object.materials(), self.settings.trace_options(&self.object, 0)?)?;
+        }
+        self.current = true;
+        Ok(())
+    }
+
+    fn predict(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<Diagnostics, PredictError> {
+        let volume = self.volume.as_ref().filter(|_| self.current).ok_or_else(PredictError::before_update)?;
+        self.object.check_points(points, out.len())?;
+        control.check()?;
+        let options = self.settings.trace_options(&self.object, draw.seed)?;
+        let tracer = Tracer::new(volume, self.object.materials(), options)?;
+        tracer.radiance(points, draw.pass.number(), out, control)?;
+        Ok(Diagnostics { paths: out.len() as u64 * u64::from(options.spp), ..Diagnostics::default() })
+    }
+}
+
+impl From<TraceError> for PredictError {
+    fn from(error: TraceError) -> Self {
+        match error {
+            TraceError::Cancelled => Self::Cancelled,
+            TraceError::Invalid(fault) => Self::Invalid(fault),
+            TraceError::Unsupported(fault) => Self::Unsupported(fault),
+            other => Self::failed("mc", other),
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Path tracing as a predictor is the tracer, whose paths its draw chooses.
+
+use std::sync::Arc;
+
+use pellucid_predict::{
+    Changed, Draw, InstructionSet, MonteCarlo, Object, Pass, PredictError, Predictor, predict_all,
+};
+use pellucid_trace::{Boundary, TraceOptions, Tracer, Tracking, Volume};
+use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
+
+fn grid() -> LabelGrid {
+    let frame = Frame::new([0.0; 3], Pitch::j750(), [30, 20, 40]).unwrap();
+    LabelGrid::from_tiles(frame, |[x, y, z]| Tile::Constant(1 + ((x + 2 * y + 3 * z) % 5) as u8))
+}
+
+fn surface(grid: &LabelGrid) -> Surface {
+    Surface::extract(grid, &SurfaceOptions::default(), &Control::none()).unwrap()
+}
+
+fn object(grid: &LabelGrid, index: f64) -> Arc<Object> {
+    Arc::new(Object::new(surface(grid), MaterialTable::cmykw(), index).unwrap())
+}
+
+#[test]
+fn values_are_the_tracers() {
+    let (grid, none) = (grid(), Control::none());
+    let surface = surface(&grid);
+    let volume = Volume::new(&grid, &surface, &none).unwrap();
+    for (index, seed, pass) in
+        [(1.5, 0, Pass::Loop(0)), (1.5, u64::MAX, Pass::Loop(7)), (1.0, 3, Pass::Judge(1))]
+    {
+        let object = object(&grid, index);
+        let mut bound = MonteCarlo::new(3).unwrap().bind(Arc::clone(&object)).unwrap();
+        bound.update(&grid, Changed::Unknown, &none).unwrap();
+        let (values, seen) = predict_all(&*bound, &object, Draw::new(seed, pass), &none).unwrap();
+        let boundary = Boundary::with_index(index).unwrap();
+        let options = TraceOptions { spp: 3, seed, boundary, ..TraceOptions::default() };
+        let tracer = Tracer::new(&volume, object.materials(), options).unwrap();
+        let mut expected = vec![0.0; values.len()];
+        tracer.radiance(&object.points(), pass.number(), &mut expected, &none).unwrap();
+        assert_eq!(values, expected, "{index} {seed} {pass:?}");
+        assert_eq!(seen.paths, 3 * values.len() as u64);
+    }
+    assert_eq!(Pass::Loop(7).number(), 7);
+}
+
+#[test]
+fn instruction_sets_are_recorded_and_change_no_bit() {
+    let (grid, none) = (grid(), Control::none());
+    let object = object(&grid, 1.5);
+    let values = |predictor: &MonteCarlo| {
+        let mut bound = predictor.bind(Arc::clone(&object)).unwrap();
+        bound.update(&grid, Changed::Unknown, &none).unwrap();
+        predict_all(&*bound, &object, Draw::new(5, Pass::Proof), &none).unwrap().0
+    };
+    let default = MonteCarlo::new(2).unwrap();
+    assert_eq!(default.identity().instruction_set, InstructionSet::chosen());
+    let expected = values(&default);
+    for set in InstructionSet::available() {
+        let forced = default.with_instruction_set(set).unwrap();
+        assert_eq!(forced.identity().instruction_set, set);
+        assert!(forced.identity().exact);
+        assert_eq!(values(&forced), expected, "{set}");
+    }
+}
+
+#[test]
+fn settings_are_checked_and_recorded() {
+    assert!(matches!(MonteCarlo::new(0), Err(PredictError::Invalid(f)) if f.subject == "spp"));
+    assert!(MonteCarlo::new(1).unwrap().with_roulette(f32::NAN).is_err());
+    let identity =
+        MonteCarlo::new(9).unwrap().with_roulette(0.5).unwrap().with_tracking(Tracking::Delta).identity();
+    assert_eq!(identity.name, "mc");
+    let settings: Vec<(&str, &str)> =
+        identity.settings.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
+    assert_eq!(settings, [("roulette", "0.5"), ("spp", "9"), ("tracking", "delta")]);
+}
+
+#[test]
+fn another_shape_is_refused_by_the_voxel() {
+    let (grid, none) = (grid(), Control::none());
+    let object = object(&grid, 1.5);
+    let mut bound = MonteCarlo::new(1).unwrap().bind(Arc::clone(&object)).unwrap();
+    let mut holed = grid.clone();
+    holed.set([15, 10, 20], 0);
+    for _ in 0..2 {
+        let error = bound.update(&holed, Changed::Unknown, &none).unwrap_err();
+        assert!(matches!(error, PredictError::Invalid(_)), "{error}");
+        assert!(error.to_string().contains("[15, 10, 19]"), "{error}");
+        assert!(bound.predict(&[0], Draw::new(0, Pass::Proof), &mut [0.0; 3], &none).is_err());
+        bound.update(&grid, Changed::Unknown, &none).unwrap();
+    }
+}
