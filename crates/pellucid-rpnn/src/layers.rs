@@ -1,20 +1,18 @@
 //! The layers of a network: weights packed for both passes, products with them, and their gradients.
 
-use std::sync::Arc;
-
 use crate::Weights;
 use crate::kernel::{Add, Finish, Form, Matrix, Packed, Products};
 use crate::network::Precision;
 use crate::variant::Layer;
 
-/// Weights packed for both passes; clones share them until one takes over others.
+/// Weights packed for both passes.
 #[derive(Clone, Debug)]
 pub(crate) struct Layers {
-    pub(crate) weights: Arc<Weights>,
+    pub(crate) weights: Weights,
     pub(crate) precision: Precision,
     products: Products,
     /// Each layer's matrix transposed: inputs to outputs.
-    forward: Arc<Vec<Packed>>,
+    forward: Vec<Packed>,
     /// Each layer's matrix: derivatives by outputs to derivatives by inputs. Empty until it is needed.
     backward: Vec<Packed>,
     backward_is_fresh: bool,
@@ -26,23 +24,23 @@ impl Layers {
         let mut layers = Self {
             precision,
             products: Products::new(Form::detect()),
-            forward: Arc::new(vec![Packed::default(); count]),
+            forward: vec![Packed::default(); count],
             backward: vec![Packed::default(); count],
             backward_is_fresh: false,
-            weights: Arc::new(weights),
+            weights,
         };
         layers.pack_forward();
         layers
     }
 
     pub(crate) fn load(&mut self, weights: &Weights) {
-        Arc::make_mut(&mut self.weights).values_mut().copy_from_slice(weights.values());
+        self.weights.values_mut().copy_from_slice(weights.values());
         self.backward_is_fresh = false;
         self.pack_forward();
     }
 
     fn pack_forward(&mut self) {
-        for (i, packed) in Arc::make_mut(&mut self.forward).iter_mut().enumerate() {
+        for (i, packed) in self.forward.iter_mut().enumerate() {
             let matrix = matrix(&self.weights, &self.weights.layout().layers[i]);
             self.products.pack(matrix.t(), precision_of(self.precision, &self.weights, i), packed);
         }
