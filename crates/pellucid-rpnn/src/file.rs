@@ -37,7 +37,7 @@ impl Provenance {
         let differs =
             |field: &str, reason: String| Err(RpnnError::NotTrainedFor { field: field.to_owned(), reason });
         let trained = self.refractive_index;
-        if !((refractive_index - trained).abs() <= 1e-3) {
+        if !(trained - 1e-3..=trained + 1e-3).contains(&refractive_index) {
             return differs(
                 "refractive index",
                 format!("{refractive_index}; the network was trained for {trained}"),

@@ -1,5 +1,6 @@
 //! Parameters of a network as one flat vector.
 
+use pellucid_core::Digest;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
@@ -86,25 +87,19 @@ impl Weights {
         &self.values
     }
 
-    /// A digest of the variant, the layers' names and all values: 128 bits of FNV-1a, in hexadecimal. It tells
-    /// weights apart in reports; it is no proof against forgery.
+    /// A [`Digest`] of the variant, the layers' names and all values, in hexadecimal, to tell weights apart in reports.
     pub fn digest(&self) -> String {
-        let mut hash = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d_u128;
-        let mut add = |bytes: &[u8]| {
-            for &byte in bytes {
-                hash = (hash ^ u128::from(byte)).wrapping_mul(0x0000_0000_0100_0000_0000_0000_0000_013b);
-            }
-        };
-        add(self.variant.name().as_bytes());
+        let mut digest = Digest::new();
+        digest.add(self.variant.name().as_bytes());
         for layer in &self.layout.layers {
             // A byte that no name holds keeps names and values apart.
-            add(&[0xff]);
-            add(layer.name.as_bytes());
-            add(&[0xff]);
+            digest.add(&[0xff]);
+            digest.add(layer.name.as_bytes());
+            digest.add(&[0xff]);
             let values = self.values[layer.weight.clone()].iter().chain(&self.values[layer.bias.clone()]);
-            values.for_each(|v| add(&v.to_bits().to_le_bytes()));
+            values.for_each(|v| digest.add(&v.to_bits().to_le_bytes()));
         }
-        format!("{hash:032x}")
+        digest.hex()
     }
 
     /// All parameters, for an optimiser.
