@@ -58,8 +58,13 @@ pub fn spectral_cmykw() -> MaterialTable {
     let anchors = [(450.0, 2), (550.0, 1), (610.0, 0)];
     let between = |values: &[f32], nm: f32| {
         let [(low, b), (middle, g), (high, r)] = anchors;
-        let mix = |from: usize, to: usize, t: f32| values[from] + (values[to] - values[from]) * t.clamp(0.0, 1.0);
-        if nm < middle { mix(b, g, (nm - low) / (middle - low)) } else { mix(g, r, (nm - middle) / (high - middle)) }
+        let mix =
+            |from: usize, to: usize, t: f32| values[from] + (values[to] - values[from]) * t.clamp(0.0, 1.0);
+        if nm < middle {
+            mix(b, g, (nm - low) / (middle - low))
+        } else {
+            mix(g, r, (nm - middle) / (high - middle))
+        }
     };
     let bands = |values: &[f32]| (0..31).map(|i| between(values, 400.0 + 10.0 * i as f32)).collect();
     let materials = MaterialTable::cmykw()

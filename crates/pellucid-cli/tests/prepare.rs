@@ -19,8 +19,21 @@ fn help_names_every_command_and_option() {
     }
     let help = stdout(&run(&["prepare", "--help"]));
     for option in [
-        "--out", "--settings", "--height-mm", "--printer", "--materials", "--refractive-index", "--predictor",
-        "--weights", "--spp", "--iterations", "--seed", "--threads", "--absolute", "--resume", "--force",
+        "--out",
+        "--settings",
+        "--height-mm",
+        "--printer",
+        "--materials",
+        "--refractive-index",
+        "--predictor",
+        "--weights",
+        "--spp",
+        "--iterations",
+        "--seed",
+        "--threads",
+        "--absolute",
+        "--resume",
+        "--force",
     ] {
         assert!(help.contains(option), "{option}: {help}");
     }
@@ -29,7 +42,8 @@ fn help_names_every_command_and_option() {
 #[test]
 fn a_print_is_complete_and_its_manifest_makes_it_again() {
     let folder = tempfile::tempdir().unwrap();
-    let (model, out, again) = (cube(folder.path()), folder.path().join("a/b/print"), folder.path().join("again"));
+    let (model, out, again) =
+        (cube(folder.path()), folder.path().join("a/b/print"), folder.path().join("again"));
     let done = run(&quick(text(&model), text(&out), &["--seed", "7"]));
     assert!(done.status.success(), "{}", stderr(&done));
     assert!(stdout(&done).contains("colour error"), "{}", stdout(&done));
@@ -37,7 +51,8 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
         assert!(out.join(file).metadata().unwrap().len() > 0, "{file}");
     }
     assert!(!folder.path().join("a/b/print.job").exists());
-    let report: serde_json::Value = serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
     for state in ["unrefined", "refined"] {
         for level in ["voxel", "at_0_045_mm", "at_0_1_mm", "at_0_2_mm"] {
             for figure in ["mean", "median", "p95", "max", "noise"] {
@@ -91,8 +106,7 @@ fn refusals_come_before_work_with_their_cause_once() {
     assert_eq!(message.matches("No such file").count(), 1, "{message}");
     let junk = folder.path().join("junk.safetensors");
     fs::write(&junk, [0xff; 64]).unwrap();
-    let refused =
-        run(&quick(text(&model), text(&out), &["--predictor", "rpnn", "--weights", text(&junk)]));
+    let refused = run(&quick(text(&model), text(&out), &["--predictor", "rpnn", "--weights", text(&junk)]));
     assert!(stderr(&refused).contains("junk.safetensors"), "{}", stderr(&refused));
     assert!(stderr(&refused).contains("pellucid train"), "{}", stderr(&refused));
     let refused = run(&quick(text(&model), text(&out), &["--printer", "laserjet"]));
@@ -199,7 +213,11 @@ mod interrupted {
         // Its remains are told, and neither used nor deleted.
         let refused = run(&[&["prepare", text(&model), "--out", text(&out)], &LONG[..]].concat());
         assert_eq!(refused.status.code(), Some(1));
-        assert!(stderr(&refused).contains("print.job") && stderr(&refused).contains("--resume"), "{}", stderr(&refused));
+        assert!(
+            stderr(&refused).contains("print.job") && stderr(&refused).contains("--resume"),
+            "{}",
+            stderr(&refused)
+        );
         // They are of these settings and this model only.
         let refused = start(&model, &out, &["--resume", "--seed", "9"]).wait_with_output().unwrap();
         assert!(!refused.status.success());

@@ -33,6 +33,12 @@ impl PredictError {
         Self::Invalid(Fault::new(subject, reason))
     }
 
+    /// What [`BoundPredictor::predict`](crate::BoundPredictor::predict) says where no update went before, or the last
+    /// one failed.
+    pub fn before_update() -> Self {
+        Self::Invalid(Fault::new("labels", "there are none yet").remedy("call update first"))
+    }
+
     /// A [`PredictError::Unsupported`] from what is concerned and the limit.
     pub fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Unsupported(Fault::new(subject, reason))

@@ -1,7 +1,7 @@
 //! A print's shape and materials: what stays while labels change.
 
 use pellucid_core::random::mix;
-use pellucid_voxel::{Frame, LabelGrid, MaterialTable, Surface};
+use pellucid_voxel::{AIR, Frame, LabelGrid, MaterialTable, Surface};
 
 use crate::PredictError;
 
@@ -86,6 +86,20 @@ impl Object {
             return Ok(());
         }
         Err(PredictError::invalid("labels", "lie in another frame than the object's surface"))
+    }
+
+    /// Tells whether every surface voxel is solid in labels of this object's frame.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] naming a voxel that is air.
+    pub fn check_solid(&self, labels: &LabelGrid) -> Result<(), PredictError> {
+        match self.surface.voxels().iter().find(|v| labels.at(v.map(i64::from)) == AIR) {
+            Some(v) => Err(PredictError::invalid(
+                "labels",
+                format!("surface voxel {v:?} is air; bind an object with the surface of these labels"),
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Tells whether points and an output `[point][channel]` fit the object.

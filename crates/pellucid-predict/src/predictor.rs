@@ -30,8 +30,8 @@ pub trait BoundPredictor: Send {
     /// Brings the labels up to date. The first call takes all of them, whatever `changed` says.
     ///
     /// # Errors
-    /// [`PredictError`] when the labels lie in another frame, hold unknown labels, or `control` asks to stop; the
-    /// next call then takes all labels.
+    /// [`PredictError`] when the labels lie in another frame, hold unknown labels, or `control` asks to stop. There
+    /// are no labels then: nothing is predicted until an update succeeds, which takes all of them.
     fn update(
         &mut self,
         labels: &LabelGrid,
@@ -169,7 +169,7 @@ impl Capabilities {
 pub struct Diagnostics {
     /// Values (points times channels) around which coefficients lie outside what a network was trained for.
     pub outside_training: u64,
-    /// Paths traced.
+    /// Paths that this call traced.
     pub paths: u64,
     /// What the pass learned for the next.
     pub learned: Learned,
@@ -200,3 +200,39 @@ pub trait MaterialGradient {
     /// Adds to the derivative by the amount (volume fraction, 0 to 1) of `label` in `voxel`.
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32);
 }
+
+/// The radiance of every surface point, `[point][channel]`.
+///
+/// # Errors
+/// As [`BoundPredictor::predict`].
+pub fn predict_all(
+    bound: &dyn BoundPredictor,
+    object: &Object,
+    draw: Draw,
+    control: &Control<'_>,
+) -> Result<(Vec<f32>, Diagnostics), PredictError> {
+    let points = object.points();
+    let mut out = vec![0.0; points.len() * object.channels()];
+    let diagnostics = bound.predict(&points, draw, &mut out, control)?;
+    Ok((out, diagnostics))
+}
+
+macro_rules! forward {
+    ($($owner:ty),*) => {$(
+        impl<P: Predictor + ?Sized> Predictor for $owner {
+            fn identity(&self) -> Identity {
+                (**self).identity()
+            }
+
+            fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
+                (**self).supports(object)
+            }
+
+            fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
+                (**self).bind(object)
+            }
+        }
+    )*};
+}
+
+forward!(&P, Box<P>, Arc<P>);

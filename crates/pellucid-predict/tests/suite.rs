@@ -215,7 +215,7 @@ fn a_faultless_mock_passes_in_any_number_of_channels() {
 }
 
 #[test]
-fn so_do_two_of_them_that_correct_each_other() {
+fn so_does_one_that_another_corrects() {
     let corrected = Corrected::new(Mock(Fault::None), Mock(Fault::None), Correction::default()).unwrap();
     conformance::check(&corrected, &case()).unwrap();
 }

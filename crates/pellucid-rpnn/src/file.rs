@@ -28,6 +28,40 @@ pub struct Provenance {
     pub history: String,
 }
 
+impl Provenance {
+    /// Tells whether weights fit voxels of `pitch_mm` `[x, y, z]`, within one per cent, and a boundary's refractive
+    /// index, within 0.001.
+    ///
+    /// # Errors
+    /// [`RpnnError::Unsupported`] naming what differs.
+    pub fn check(&self, pitch_mm: [f64; 3], refractive_index: f64) -> Result<(), RpnnError> {
+        let differs = |field: &str, reason: String| Err(RpnnError::Unsupported(Fault::new(field, reason)));
+        let trained = self.refractive_index;
+        if !(trained - 1e-3..=trained + 1e-3).contains(&refractive_index) {
+            return differs(
+                "refractive index",
+                format!("{refractive_index}; the network was trained for {trained}"),
+            );
+        }
+        if !pitch_mm.iter().zip(self.pitch_mm).all(|(a, b)| (a / b - 1.0).abs() <= 0.01) {
+            return differs(
+                "pitch",
+                format!("{pitch_mm:?} mm; the network was trained for {:?} mm", self.pitch_mm),
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Weights and what they were trained for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainedNetwork {
+    /// The parameters.
+    pub weights: Weights,
+    /// What they were trained for.
+    pub provenance: Provenance,
+}
+
 /// Longest file that is read: the largest variant takes 15 MB.
 const MAX_BYTES: u64 = 64 << 20;
 const FORMAT: &str = "pellucid-rpnn-1";
@@ -88,7 +122,7 @@ fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, Strin
 /// [`RpnnError::Io`] when the file cannot be read or is longer than any such file,
 /// [`RpnnError::Invalid`] when it holds no network or a damaged one, [`RpnnError::Unsupported`] naming the header
 /// field that does not fit this crate's network.
-pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
+pub fn load(path: &Path) -> Result<TrainedNetwork, RpnnError> {
     parse(path, &read_bounded(path, MAX_BYTES)?)
 }
 
@@ -96,7 +130,7 @@ pub fn load(path: &Path) -> Result<(Weights, Provenance), RpnnError> {
 ///
 /// # Errors
 /// As [`load`].
-pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnError> {
+pub fn parse(name: &Path, bytes: &[u8]) -> Result<TrainedNetwork, RpnnError> {
     let damaged = |reason: String| RpnnError::in_file(name, reason, "give another copy of the file");
     let (_, header) = SafeTensors::read_metadata(bytes)
         .map_err(|e| not_a_network(name, &format!("it is no safetensors file ({e})")))?;
@@ -147,7 +181,7 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<(Weights, Provenance), RpnnErr
         }
     }
     let weights = Weights::new(variant, weights.values().to_vec()).map_err(|e| damaged(e.to_string()))?;
-    Ok((weights, provenance))
+    Ok(TrainedNetwork { weights, provenance })
 }
 
 fn not_a_network(name: &Path, reason: &str) -> RpnnError {
@@ -183,12 +217,29 @@ mod tests {
             let path = folder.path().join("w.safetensors");
             let weights = Weights::initial(variant, 9, 0.3);
             save(&path, &weights, &provenance()).unwrap();
-            assert_eq!(load(&path).unwrap(), (weights.clone(), provenance()));
+            let network = TrainedNetwork { weights: weights.clone(), provenance: provenance() };
+            assert_eq!(load(&path).unwrap(), network);
             let bytes = std::fs::read(&path).unwrap();
             save(&path, &weights, &provenance()).unwrap();
             assert_eq!(bytes, std::fs::read(&path).unwrap(), "the same bytes");
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
+    }
+
+    #[test]
+    fn tells_what_weights_were_trained_for() {
+        let p = provenance();
+        assert!(p.check([0.04, 0.0807, 0.0298], 1.5005).is_ok());
+        for (pitch, index, field) in [
+            ([0.04, 0.08, 0.0304], 1.5, "pitch"),
+            ([0.04, f64::NAN, 0.03], 1.5, "pitch"),
+            ([0.04, 0.08, 0.03], 1.0, "refractive index"),
+            ([0.04, 0.08, 0.03], f64::NAN, "refractive index"),
+        ] {
+            let error = p.check(pitch, index).unwrap_err();
+            assert!(matches!(&error, RpnnError::Unsupported(fault) if fault.subject == field), "{error}");
+            assert!(error.to_string().contains("trained for"), "{error}");
+        }
     }
 
     #[test]

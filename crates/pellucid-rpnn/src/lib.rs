@@ -36,6 +36,7 @@ pub mod variant;
 pub mod weights;
 
 pub use error::RpnnError;
+pub use file::{Provenance, TrainedNetwork};
 pub use inference::Inference;
 pub use network::Network;
 pub use pellucid_core::InstructionSet;

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::file::{Provenance, parse};
-use crate::{RpnnError, Weights};
+use crate::RpnnError;
+use crate::file::{TrainedNetwork, parse};
 
 const FILE: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors");
 
@@ -14,11 +14,11 @@ const FILE: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors
 /// Never in practice: only when the file in the library is damaged.
 ///
 /// ```
-/// let (weights, provenance) = pellucid_rpnn::shipped().unwrap();
-/// assert_eq!(weights.values().len(), 706_861);
-/// assert_eq!(provenance.refractive_index, 1.5);
+/// let network = pellucid_rpnn::shipped().unwrap();
+/// assert_eq!(network.weights.values().len(), 706_861);
+/// assert_eq!(network.provenance.refractive_index, 1.5);
 /// ```
-pub fn shipped() -> Result<(Weights, Provenance), RpnnError> {
+pub fn shipped() -> Result<TrainedNetwork, RpnnError> {
     parse(Path::new("shared-levels-octants.safetensors"), FILE)
 }
 
@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn brighter_material_is_predicted_brighter() {
-        let (weights, provenance) = shipped().unwrap();
+        let TrainedNetwork { weights, provenance } = shipped().unwrap();
         for precision in [Precision::F32, Precision::Bf16] {
             let mut inference = Inference::new(&weights, provenance.form, precision).unwrap();
             // Black, a mid tone and white of about 6/mm: radiance at index 1.5 near 0.03, 0.3 and 0.9.

@@ -1,5 +1,6 @@
 //! Parameters of a network as one flat vector.
 
+use pellucid_core::Digest;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
@@ -86,6 +87,21 @@ impl Weights {
         &self.values
     }
 
+    /// A [`Digest`] of the variant, the layers' names and all values, in hexadecimal, to tell weights apart in reports.
+    pub fn digest(&self) -> String {
+        let mut digest = Digest::new();
+        digest.add(self.variant.name().as_bytes());
+        for layer in &self.layout.layers {
+            // A byte that no name holds keeps names and values apart.
+            digest.add(&[0xff]);
+            digest.add(layer.name.as_bytes());
+            digest.add(&[0xff]);
+            let values = self.values[layer.weight.clone()].iter().chain(&self.values[layer.bias.clone()]);
+            values.for_each(|v| digest.add(&v.to_bits().to_le_bytes()));
+        }
+        digest.hex()
+    }
+
     /// All parameters, for an optimiser.
     pub fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
@@ -144,6 +160,21 @@ mod tests {
         assert_eq!(*weights.values().last().unwrap(), 0.05);
         assert_eq!(weights, Weights::initial(Variant::SharedLevelsAndOctants, 3, 0.4));
         assert_ne!(weights, Weights::initial(Variant::SharedLevelsAndOctants, 4, 0.4));
+    }
+
+    #[test]
+    fn digests_tell_weights_apart() {
+        let weights = Weights::initial(Variant::SharedLevels, 3, 0.4);
+        assert_eq!(weights.digest(), weights.clone().digest());
+        assert_eq!(weights.digest().len(), 32);
+        let mut other = weights.clone();
+        let last = other.values().len() - 1;
+        other.values_mut()[last] = f32::from_bits(other.values()[last].to_bits() ^ 1);
+        assert_ne!(weights.digest(), other.digest());
+        assert_ne!(
+            Weights::zeros(Variant::SharedOctants).digest(),
+            Weights::zeros(Variant::Baseline).digest()
+        );
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! An object made ready for tracing.
 
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Surface};
+use rayon::prelude::*;
 
-use crate::bricks::{Bricks, MARGIN, SHARED};
+use crate::bricks::{BRICK, Bricks, MARGIN, SHARED};
 use crate::clearance::Clearance;
 use crate::{TraceError, march};
 
@@ -40,8 +41,8 @@ impl Volume {
     /// Prepares a grid and its surface.
     ///
     /// # Errors
-    /// [`TraceError::Invalid`] when the surface lies in another frame or names a voxel that is
-    /// air; [`TraceError::Unsupported`] past 15 materials in use or 2^29 bricks of 64 voxels;
+    /// [`TraceError::Invalid`] when the surface lies in another frame or its voxels are not those
+    /// of the grid's surface; [`TraceError::Unsupported`] past 15 materials in use or 2^29 bricks of 64 voxels;
     /// [`TraceError::Cancelled`].
     pub fn new(grid: &LabelGrid, surface: &Surface, control: &Control<'_>) -> Result<Self, TraceError> {
         if surface.frame() != grid.frame() {
@@ -51,7 +52,7 @@ impl Volume {
             ));
         }
         if let Some(v) = surface.voxels().iter().find(|v| grid.at(v.map(i64::from)) == 0) {
-            return Err(TraceError::invalid("surface", format!("voxel {v:?} is air in the grid")));
+            return Err(stale(format!("voxel {v:?} is air in the grid")));
         }
         control.check()?;
         let clearance = Clearance::build(grid);
@@ -59,6 +60,8 @@ impl Volume {
         let bricks = Bricks::build(grid, &clearance)?;
         control.check()?;
         let normals = Normals::build(&bricks, surface);
+        check_surface(&bricks, &normals, surface)?;
+        control.check()?;
         Ok(Self {
             frame: *grid.frame(),
             clearance,
@@ -163,6 +166,55 @@ impl Volume {
             None => Ok(()),
         }
     }
+}
+
+/// A surface that is not the grid's: without a normal paths could not leave where they should.
+fn stale(what: String) -> TraceError {
+    TraceError::invalid("surface", format!("{what}; it is stale: extract it anew from this grid"))
+}
+
+/// Tells whether the solid voxels with air on one of their six sides are those that have normals.
+fn check_surface(bricks: &Bricks, normals: &Normals, surface: &Surface) -> Result<(), TraceError> {
+    let exposed = |v: [u32; 3]| {
+        (0..6).any(|side| {
+            let mut beside = v;
+            beside[side / 2] = if side % 2 == 0 { v[side / 2] - 1 } else { v[side / 2] + 1 };
+            bricks.byte(beside) == 0
+        })
+    };
+    let [nx, ny, _] = bricks.dims.map(|d| d as usize);
+    // Voxels with air beside them are of clearance class 0, and their bricks in the surface's part of the pool.
+    let (count, missing) = bricks
+        .table
+        .par_iter()
+        .enumerate()
+        .filter(|(_, brick)| (SHARED..SHARED + bricks.surface).contains(brick))
+        .map(|(i, &brick)| {
+            let corner = [i % nx, i / nx % ny, i / nx / ny].map(|c| (c * BRICK) as u32);
+            let (mut count, mut missing) = (0, None);
+            for local in 0..64u32 {
+                let byte = bricks.pool[brick as usize].0[(local / 4) as usize] >> (8 * (local % 4)) & 0xff;
+                let v = [corner[0] + local % 4, corner[1] + local / 4 % 4, corner[2] + local / 16];
+                if byte == 0 || byte >> 4 != 0 || !exposed(v) {
+                    continue;
+                }
+                count += 1;
+                if missing.is_none() && normals.get(brick - SHARED, local).is_none() {
+                    missing = Some([v[2], v[1], v[0]]);
+                }
+            }
+            (count, missing)
+        })
+        .reduce(|| (0, None), |a: (usize, _), b| (a.0 + b.0, a.1.into_iter().chain(b.1).min()));
+    if let Some(v) = missing {
+        let voxel = [v[2], v[1], v[0]].map(|c| c - MARGIN);
+        return Err(stale(format!("voxel {voxel:?} has air beside it and is not listed")));
+    }
+    if count == surface.len() {
+        return Ok(());
+    }
+    let inner = surface.voxels().iter().find(|v| !exposed(v.map(|c| c + MARGIN)));
+    Err(stale(format!("voxel {:?} has no air beside it", inner.copied().unwrap_or_default())))
 }
 
 impl Normals {

@@ -43,19 +43,17 @@ fn albedo_zero_and_clear_objects() {
 
 #[test]
 fn white_60_mm_solid() {
-    let pitch = Pitch::j750();
-    let frame = Frame::new([0.0; 3], pitch, pitch.mm().map(|p| (60.0 / p) as u32)).unwrap();
+    let frame = Frame::new([0.0; 3], Pitch::new([0.2; 3]).unwrap(), [300; 3]).unwrap();
     let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
-    // One surface voxel is enough; a whole surface is another crate's test.
     let s = grid.size();
-    let voxel = [s[0] / 2, s[1] / 2, s[2] - 1];
-    let surface = Surface::from_parts(frame, vec![voxel], vec![[0.0, 0.0, 1.0]]).unwrap();
     let control = Control::none();
+    let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+    let top = surface.index_of([s[0] / 2, s[1] / 2, s[2] - 1]).unwrap();
     let volume = Volume::new(&grid, &surface, &control).unwrap();
     let materials = MaterialTable::cmykw();
     let tracer = Tracer::new(&volume, &materials, matched(20_000)).unwrap();
     let (mut l, mut e) = ([0.0; 3], [0.0; 3]);
-    tracer.radiance_with_error(&[0], 0, &mut l, &mut e, &control).unwrap();
+    tracer.radiance_with_error(&[top], 0, &mut l, &mut e, &control).unwrap();
     for c in 0..3 {
         let optics = Optics {
             sigma_s: f64::from(materials.materials()[4].sigma_s[c]),
@@ -150,4 +148,30 @@ fn new_labels_give_what_a_new_volume_gives() {
         assert!(object.volume.set_labels(&holed, &Control::none()).is_err(), "{v:?}");
     }
     assert_eq!(a, object.radiance(&materials, dielectric(64), &points));
+}
+
+#[test]
+fn a_stale_surface_is_refused() {
+    let object = Object::new(Pitch::j750(), [40, 24, 50], |_| 3);
+    let stale = |change: &dyn Fn(&mut LabelGrid)| {
+        let mut grid = object.grid.clone();
+        change(&mut grid);
+        let error = Volume::new(&grid, &object.surface, &Control::none()).err().expect("a stale surface");
+        assert!(matches!(error, TraceError::Invalid { .. }), "{error}");
+        let text = error.to_string();
+        assert!(text.contains("surface") && text.contains("extract"), "{text}");
+        text
+    };
+    // A hole inside makes walls without normals: the lowest of them is named.
+    assert!(stale(&|grid| grid.set([20, 12, 25], 0)).contains("[20, 12, 24]"));
+    // So does one across tiles and bricks, and one at the surface, which the list still names.
+    assert!(stale(&|grid| grid.set([15, 15, 15], 0)).contains("[15, 15, 14]"));
+    assert!(stale(&|grid| grid.set([39, 12, 25], 0)).contains("[39, 12, 25]"));
+    // A filled hole leaves walls in the list that are inside now.
+    let mut holed = object.grid.clone();
+    holed.set([20, 12, 25], 0);
+    let surface = Surface::extract(&holed, &SurfaceOptions::default(), &Control::none()).unwrap();
+    assert!(Volume::new(&holed, &surface, &Control::none()).is_ok());
+    let error = Volume::new(&object.grid, &surface, &Control::none()).err().unwrap().to_string();
+    assert!(error.contains("[20, 12, 24]") && error.contains("extract"), "{error}");
 }

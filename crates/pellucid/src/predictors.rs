@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+#[cfg(feature = "rpnn")]
+use pellucid_predict::PredictError;
 use pellucid_predict::{MonteCarlo, Predictor};
 
 use crate::{PredictorKind, PrintError, PrintSettings};
@@ -24,7 +26,7 @@ impl PartialEq for NetworkWeights {
 impl NetworkWeights {
     /// Wraps weights in memory.
     pub fn new(trained: pellucid_rpnn::TrainedNetwork) -> Self {
-        Self { digest: trained.digest(), trained: Arc::new(trained) }
+        Self { digest: trained.weights.digest(), trained: Arc::new(trained) }
     }
 
     /// Reads a file of `pellucid train`.
@@ -68,8 +70,10 @@ fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, Pri
 #[cfg(feature = "rpnn")]
 pub(crate) fn network(settings: &PrintSettings) -> Result<pellucid_predict::Network, PrintError> {
     use pellucid_predict::Network;
+    use pellucid_rpnn::Precision;
+
     let network = match &settings.weights {
-        Some(given) => Network::new(given.trained.clone()),
+        Some(given) => Network::new(given.trained.clone(), Precision::Bf16),
         #[cfg(feature = "weights")]
         None => Network::shipped()?,
         #[cfg(not(feature = "weights"))]
@@ -80,6 +84,8 @@ pub(crate) fn network(settings: &PrintSettings) -> Result<pellucid_predict::Netw
             ));
         }
     };
+    let pitch = settings.printer.pitch().mm();
+    network.trained().provenance.check(pitch, settings.refractive_index).map_err(PredictError::from)?;
     let mut network = network.with_sharing_where_possible(settings.sharing)?;
     if let Some(set) = settings.instruction_set {
         network = network.with_instruction_set(set)?;

@@ -74,7 +74,9 @@ impl Record {
         let value: Value = serde_json::from_str(text).map_err(bad)?;
         // A manifest keeps the record under `settings`, a report under `record`.
         for holder in ["settings", "record"] {
-            if let Some(record) = value.get(holder).filter(|r| r.get("predictor").is_some_and(Value::is_object)) {
+            if let Some(record) =
+                value.get(holder).filter(|r| r.get("predictor").is_some_and(Value::is_object))
+            {
                 let record: Self = serde_json::from_value(record.clone()).map_err(bad)?;
                 return Ok((record.settings.clone(), Some(record)));
             }

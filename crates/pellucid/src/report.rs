@@ -1,7 +1,7 @@
 //! The report of a print job, written as `report.json`.
 
-use pellucid_mesh::MeshReport;
 use pellucid_core::NoisyScore;
+use pellucid_mesh::MeshReport;
 use pellucid_refine::{Evaluation, RefineReport};
 use serde::{Deserialize, Serialize};
 

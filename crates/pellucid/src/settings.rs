@@ -3,7 +3,7 @@
 use pellucid_color::spectrum::Illuminant;
 use pellucid_core::InstructionSet;
 use pellucid_mesh::Scale;
-use pellucid_predict::Correction;
+use pellucid_predict::{Correction, Sharing};
 use pellucid_refine::{Effort, RefineSettings, Strategy, SurfaceFirst};
 use pellucid_slice::PrintTarget;
 use pellucid_voxel::MaterialTable;
@@ -75,6 +75,8 @@ pub struct PrintSettings {
     pub spp: u32,
     /// How paths correct the network.
     pub correction: Correction,
+    /// How neighbouring points share the network's coarse levels, where its weights read them first; null for not.
+    pub sharing: Option<Sharing>,
     /// Vector instructions; the best that the processor has without it. The path tracer's values do not depend on
     /// them, the network's do in the last digits.
     pub instruction_set: Option<InstructionSet>,
@@ -105,6 +107,7 @@ impl Default for PrintSettings {
             weights: None,
             spp: 16,
             correction: Correction::default(),
+            sharing: Some(Sharing::default()),
             instruction_set: None,
             refine: RefineSettings::default(),
             surface_first: SurfaceFirst::default(),

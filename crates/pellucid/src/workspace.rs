@@ -11,8 +11,8 @@ use std::sync::OnceLock;
 use pellucid_core::FileError;
 use pellucid_core::files::{read_bounded, write_whole_bytes};
 
-use crate::record::Record;
 use crate::PrintError;
+use crate::record::Record;
 
 const RECORD: &str = "record.json";
 /// The refinement's state after its last whole iteration.
@@ -96,7 +96,11 @@ impl Workspace {
     }
 
     /// Keeps what a stage has done. `bytes` are made only where they are kept.
-    pub(crate) fn save(&self, name: &str, bytes: impl FnOnce() -> Result<Vec<u8>, PrintError>) -> Result<(), PrintError> {
+    pub(crate) fn save(
+        &self,
+        name: &str,
+        bytes: impl FnOnce() -> Result<Vec<u8>, PrintError>,
+    ) -> Result<(), PrintError> {
         let Some(folder) = &self.folder else { return Ok(()) };
         let path = folder.join(RECORD);
         if let Some(record) = self.record.get().filter(|_| !path.exists()) {

@@ -13,7 +13,7 @@ use pellucid::dataset::LabelledSet;
 use pellucid::predictor::Rpnn;
 use pellucid::rpnn::file::Provenance;
 use pellucid::rpnn::transform::LevelOrder;
-use pellucid::rpnn::{Inference, Precision, Weights};
+use pellucid::rpnn::{Inference, Precision, TrainedNetwork, Weights};
 use pellucid::voxel::Control;
 
 use crate::Failure;
@@ -55,7 +55,7 @@ struct Candidate {
 
 impl Candidate {
     fn read(path: &Path, precision: Precision) -> Result<Self, Error> {
-        let (weights, provenance) = pellucid::rpnn::file::load(path)?;
+        let TrainedNetwork { weights, provenance } = pellucid::rpnn::file::load(path)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let name = format!("{} ({stem})", weights.variant().name());
         Ok(Self { name, weights, provenance, precision })

@@ -10,10 +10,10 @@ use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
 use pellucid_voxel::{CountSat, LabelGrid};
 use rayon::prelude::*;
 
+use super::Network;
 use super::trained_range::TrainedRange;
-use super::{Network, Sharing};
 use crate::labels::{KeptLabels, Update};
-use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError};
+use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError, Sharing};
 
 /// Points whose stencils are in memory at a time, a thread: 7 MB in three channels, half of it where they share
 /// coarse levels.

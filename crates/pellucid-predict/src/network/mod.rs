@@ -1,19 +1,18 @@
 //! The appearance network as a predictor.
 
 mod bound;
-mod sharing;
 mod trained_range;
 
 use std::sync::Arc;
 
-use pellucid_core::{Fault, InstructionSet};
+use pellucid_core::InstructionSet;
 use pellucid_rpnn::transform::LevelOrder;
 use pellucid_rpnn::{Inference, Precision, RpnnError, TrainedNetwork};
 use pellucid_stencil::{Coefficients, Features, StencilError};
 
-use crate::{BoundPredictor, Capabilities, Identity, Object, PredictError, Predictor, WeightsIdentity};
-
-pub use sharing::Sharing;
+use crate::{
+    BoundPredictor, Capabilities, Identity, Object, PredictError, Predictor, Sharing, WeightsIdentity,
+};
 
 /// Predicts by the radiance-predicting neural network (Rittig et al. 2021): without noise, in a time that does not
 /// depend on how long light travels in the material.
@@ -26,6 +25,7 @@ pub struct Network {
     digest: String,
     precision: Precision,
     sharing: Option<Sharing>,
+    instruction_set: InstructionSet,
 }
 
 impl Network {
@@ -34,7 +34,8 @@ impl Network {
     pub fn new(trained: impl Into<Arc<TrainedNetwork>>, precision: Precision) -> Self {
         let trained = trained.into();
         let sharing = (trained.provenance.form.order == LevelOrder::CoarseToFine).then(Sharing::default);
-        Self { digest: trained.weights.digest(), trained, precision, sharing }
+        let instruction_set = InstructionSet::chosen();
+        Self { digest: trained.weights.digest(), trained, precision, sharing, instruction_set }
     }
 
     /// The same with another way of sharing, or with all levels of every point its own.
@@ -44,9 +45,34 @@ impl Network {
     /// levels from fine to coarse.
     pub fn with_sharing(mut self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
         if let Some(sharing) = sharing {
-            sharing.check(self.trained.provenance.form.order)?;
+            sharing.check()?;
+            if self.trained.provenance.form.order != LevelOrder::CoarseToFine {
+                return Err(PredictError::unsupported(
+                    "sharing",
+                    "the weights read their levels from fine to coarse; give every point all levels of its own",
+                ));
+            }
         }
         self.sharing = sharing;
+        Ok(self)
+    }
+
+    /// The same with `sharing` where the weights read coarse levels first; otherwise every point has all of its own.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] when the block's edge is even or there are not 1 to 8 fine levels.
+    pub fn with_sharing_where_possible(self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
+        sharing.map_or(Ok(()), Sharing::check)?;
+        let possible = self.trained.provenance.form.order == LevelOrder::CoarseToFine;
+        self.with_sharing(sharing.filter(|_| possible))
+    }
+
+    /// The same on other instructions than [`InstructionSet::chosen`]; values differ by rounding.
+    ///
+    /// # Errors
+    /// [`PredictError::Unsupported`] where the processor lacks them.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, PredictError> {
+        self.instruction_set = set.require().map_err(PredictError::Unsupported)?;
         Ok(self)
     }
 
@@ -69,13 +95,9 @@ impl Network {
         self.sharing
     }
 
-    /// The instructions that the network's kernels run on.
-    fn used(&self) -> InstructionSet {
-        InstructionSet::detect()
-    }
-
     fn inference(&self) -> Result<Inference, PredictError> {
-        Ok(Inference::new(&self.trained.weights, self.trained.provenance.form, self.precision)?)
+        let inference = Inference::new(&self.trained.weights, self.trained.provenance.form, self.precision)?;
+        Ok(inference.with_instruction_set(self.instruction_set)?)
     }
 
     fn coefficients(object: &Object) -> Result<Coefficients, PredictError> {
@@ -96,7 +118,7 @@ impl Predictor for Network {
             || "none".to_owned(),
             |s| format!("{} levels of a point's own, the others of a block of {}", s.fine_levels, s.block),
         );
-        Identity::new("rpnn", self.used(), false)
+        Identity::new("rpnn", self.instruction_set, false)
             .with("precision", format!("{:?}", self.precision).to_lowercase())
             .with("sharing", sharing)
             .with_weights(weights)
@@ -128,9 +150,8 @@ impl From<StencilError> for PredictError {
 impl From<RpnnError> for PredictError {
     fn from(error: RpnnError) -> Self {
         match error {
-            RpnnError::NotTrainedFor { field, reason } => {
-                Self::Unsupported(Fault::new(field, reason).remedy("use the path tracer"))
-            }
+            RpnnError::Unsupported(fault) => Self::Unsupported(fault.remedy("use the path tracer")),
+            RpnnError::Cancelled => Self::Cancelled,
             other => Self::failed("rpnn", other),
         }
     }

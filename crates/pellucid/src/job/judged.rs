@@ -88,7 +88,8 @@ impl PrintJob {
         let silent = control.silent();
         let before =
             judge.judge(&refined.unrefined, &mut *bound, capabilities, &silent.with_progress(&first))?;
-        let after = judge.judge(&refined.labels, &mut *bound, capabilities, &silent.with_progress(&second))?;
+        let after =
+            judge.judge(&refined.labels, &mut *bound, capabilities, &silent.with_progress(&second))?;
         let prediction = match self.network_alone(aimed, &refined.labels, judge.points(), &silent)? {
             Some(radiance) => Some(PredictionError::of(&after.prediction_error(&radiance)?)),
             None => None,
@@ -145,7 +146,8 @@ impl PrintJob {
         let mut shown = Vec::new();
         for (done, view) in views.into_iter().enumerate() {
             control.report(done as u64, total);
-            let seen = Visibility::trace(labels, surface, &view, self.settings.proof_edge, &control.silent())?;
+            let seen =
+                Visibility::trace(labels, surface, &view, self.settings.proof_edge, &control.silent())?;
             let [before, after] = appearance;
             let shade = |colors: &[[f32; 3]]| seen.shade(colors, &control.silent());
             let pictures = [shade(&aimed.target)?, shade(before)?, shade(after)?];
@@ -168,7 +170,8 @@ impl Verdict {
     /// `None` when the bytes are not those of a verdict over `points` surface voxels: the judge then judges again.
     fn from_bytes(bytes: &[u8], points: usize) -> Option<Self> {
         let (length, rest) = bytes.split_first_chunk::<8>()?;
-        let (errors, appearance) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+        let (errors, appearance) =
+            rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
         let mut verdict: Self = serde_json::from_slice(errors).ok()?;
         let (values, []) = appearance.as_chunks::<4>() else { return None };
         let (colors, []) = values.as_chunks::<3>() else { return None };
@@ -176,7 +179,8 @@ impl Verdict {
             return None;
         }
         let (before, after) = colors.split_at(points);
-        verdict.appearance = [before, after].map(|c| c.iter().map(|rgb| rgb.map(f32::from_le_bytes)).collect());
+        verdict.appearance =
+            [before, after].map(|c| c.iter().map(|rgb| rgb.map(f32::from_le_bytes)).collect());
         Some(verdict)
     }
 }

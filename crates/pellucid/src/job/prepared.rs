@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use pellucid_core::files::write_whole_bytes;
-use pellucid_core::{Control, FileError};
 use pellucid_core::staging::{OwnFiles, StagedDir};
+use pellucid_core::{Control, FileError};
 use pellucid_proof::{contact_sheet, write_exr};
 use pellucid_slice::{ExportSettings, Recorded, write_stack};
 

@@ -1,13 +1,10 @@
 //! How neighbouring points share what the network makes of their coarse surroundings.
 
-use pellucid_rpnn::transform::LevelOrder;
-use pellucid_rpnn::variant::LEVELS;
-
 use crate::PredictError;
 
 /// Points of one cubic block of voxels take the coarse levels of the stencil about the block's central voxel, and their
 /// own finest levels. This leaves out most of the work, since coarse cells hardly differ between neighbours;
-/// `docs/results/rpnn/rpnn.md` has what it costs in accuracy.
+/// `docs/results/network_error` has what it costs in accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Sharing {
@@ -25,25 +22,23 @@ impl Default for Sharing {
 }
 
 impl Sharing {
-    /// Tells whether a network that reads its levels in `order` can share so.
-    pub(super) fn check(self, order: LevelOrder) -> Result<(), PredictError> {
-        if self.block.is_multiple_of(2) || self.block > 255 || !(1..LEVELS).contains(&self.fine_levels) {
+    /// Checks the documented ranges.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] otherwise.
+    pub fn check(self) -> Result<(), PredictError> {
+        if self.block.is_multiple_of(2) || self.block > 255 || !(1..=8).contains(&self.fine_levels) {
             return Err(PredictError::invalid(
                 "sharing",
                 format!("{self:?}; blocks have odd edges up to 255, fine levels are 1 to 8"),
-            ));
-        }
-        if order != LevelOrder::CoarseToFine {
-            return Err(PredictError::unsupported(
-                "sharing",
-                "the weights read their levels from fine to coarse; give every point all levels of its own",
             ));
         }
         Ok(())
     }
 
     /// The central voxel of a voxel's block, within a grid of `size`.
-    pub(super) fn centre(self, voxel: [u32; 3], size: [u32; 3]) -> [u32; 3] {
+    #[cfg(feature = "rpnn")]
+    pub(crate) fn centre(self, voxel: [u32; 3], size: [u32; 3]) -> [u32; 3] {
         std::array::from_fn(|a| (voxel[a] / self.block * self.block + self.block / 2).min(size[a] - 1))
     }
 }
