@@ -211,7 +211,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         let changed = held.map_or(Changed::Unknown, |_| Changed::Tiles(&changes.tiles));
         let (radiance, diagnostics) = self.predict(labels, changed, bound, control)?;
         let predict_seconds = start.elapsed().as_secs_f64();
-        let shown = self.compare(radiance, control)?;
+        let shown = self.compare(radiance, &control.silent())?;
         let mut report = self.errors(&shown);
         (report.halftone_seconds, report.predict_seconds) = (halftone_seconds, predict_seconds);
         report.count(&changes, &diagnostics);

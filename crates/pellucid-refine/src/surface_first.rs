@@ -148,11 +148,13 @@ impl Spread {
         let ink = setup.problem.ink;
         let labels = ink.labels().len();
         let target = encode(setup.problem.printable_target[point as usize]);
-        let available = (u64::BITS - setup.layers.occupied(point).leading_zeros()) as usize;
+        let occupied = setup.layers.occupied(point);
         let mut overflow = residual;
         let mut fractions = [0.0; MAX_LABELS];
         let fractions = &mut fractions[..labels];
-        for (layer, row) in rows.chunks_exact_mut(labels - 1).enumerate().take(available) {
+        // A layer without voxels would swallow its share of the demand.
+        let rows = rows.chunks_exact_mut(labels - 1).enumerate().filter(|(l, _)| occupied >> l & 1 == 1);
+        for (layer, row) in rows {
             let base = if layer < self.base_layers { target } else { [1.0; 3] };
             let wanted: [f32; 3] = std::array::from_fn(|c| base[c] + overflow[c]);
             let mut got = ink.fractions(decode(wanted), fractions);
@@ -189,4 +191,111 @@ fn encode(rgb: [f32; 3]) -> [f32; 3] {
 
 fn decode(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|v| v.max(0.0).powi(3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Layers, Problem};
+    use pellucid_color::{MediaWhite, Viewing};
+    use pellucid_predict::Object;
+    use pellucid_voxel::{
+        Frame, LabelGrid, MaterialTable, NearestSurface, Pitch, Surface, SurfaceOptions, Tile,
+    };
+    use proptest::prelude::*;
+
+    const TAKES: [f32; 3] = [0.9, 0.8, 0.7];
+
+    /// Cyan, magenta and yellow, each of which darkens one channel in proportion.
+    struct Inks;
+
+    impl InkModel for Inks {
+        fn labels(&self) -> &[u8] {
+            &[1, 2, 3, 5]
+        }
+        fn fractions(&self, rgb: [f32; 3], fractions: &mut [f32]) -> [f32; 3] {
+            let wanted: [f32; 3] = std::array::from_fn(|c| ((1.0 - rgb[c]) / TAKES[c]).clamp(0.0, 1.0));
+            let scale = wanted.iter().sum::<f32>().max(1.0);
+            (0..3).for_each(|c| fractions[c] = wanted[c] / scale);
+            fractions[3] = (1.0 - wanted.iter().sum::<f32>() / scale).max(0.0);
+            self.color(fractions)
+        }
+        fn color(&self, fractions: &[f32]) -> [f32; 3] {
+            std::array::from_fn(|c| 1.0 - TAKES[c] * fractions[c])
+        }
+    }
+
+    struct Ground {
+        object: Object,
+        nearest: NearestSurface,
+        viewing: Viewing,
+    }
+
+    /// A block of 0.1 mm voxels: of 12 layers in 0.8 mm every third is thinner than what lies between two voxels.
+    fn ground() -> Ground {
+        let frame = Frame::new([0.0; 3], Pitch::new([0.1; 3]).unwrap(), [24, 24, 24]).unwrap();
+        let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
+        let control = Control::none();
+        let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+        let nearest = NearestSurface::build(&grid, &surface, 0.8, &control).unwrap();
+        let object = Object::new(surface, MaterialTable::cmykw(), 1.5).unwrap();
+        Ground { object, nearest, viewing: Viewing::rgb(MediaWhite::new([0.7, 0.8, 0.6]).unwrap()) }
+    }
+
+    fn setup<'a>(ground: &'a Ground, target: &'a [[f32; 3]]) -> Setup<'a> {
+        let Ground { object, nearest, viewing } = ground;
+        let layers = Layers::find(0.8, 12, object.surface(), nearest, &Control::none()).unwrap();
+        let problem = Problem { object, nearest, ink: &Inks, viewing, target, printable_target: target };
+        Setup { problem, layers, points: object.points(), seed: 0 }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn demand_is_conserved(
+            target in prop::array::uniform3(0.3f32..1.0),
+            residual in prop::array::uniform3(-1.5f32..1.5),
+            veil_mm in 0.0f64..0.4,
+        ) {
+            let ground = ground();
+            let targets = vec![target; ground.object.surface().len()];
+            let setup = setup(&ground, &targets);
+            let strategy = SurfaceFirst { veil_mm, ..SurfaceFirst::default() };
+            let spread = strategy.spread(&setup, 1);
+            let point = ground.object.surface().index_of([12, 12, 0]).unwrap();
+            let mut rows = vec![0; 12 * 3];
+            let overflow = spread.mixtures(&setup, point, residual, &mut rows);
+            // What was got beyond the base by layers that have voxels, and the overflow, are the residual.
+            let occupied = setup.layers.occupied(point);
+            prop_assert!(occupied.count_ones() < 12, "some layers are empty");
+            let mut found = overflow;
+            for (layer, row) in rows.chunks_exact(3).enumerate().filter(|(l, _)| occupied >> l & 1 == 1) {
+                let share = |i: usize| f32::from(row[i]) / 65535.0;
+                let fractions = [share(0), share(1) - share(0), share(2) - share(1), 1.0 - share(2)];
+                let got = encode(Inks.color(&fractions));
+                let base = if layer < spread.base_layers { encode(target) } else { [1.0; 3] };
+                (0..3).for_each(|c| found[c] += got[c] - base[c]);
+            }
+            // Shares are rounded to 1/65535, in a dozen layers.
+            prop_assert!((0..3).all(|c| (found[c] - residual[c]).abs() < 2e-3), "{found:?} {residual:?}");
+        }
+
+        #[test]
+        fn a_greater_demand_never_gives_a_darker_layer(
+            target in prop::array::uniform3(0.3f32..1.0), less in -1.0f32..1.0, more in 0.0f32..1.0,
+        ) {
+            let ground = ground();
+            let targets = vec![target; ground.object.surface().len()];
+            let setup = setup(&ground, &targets);
+            let strategy = SurfaceFirst { veil_mm: 0.0, ..SurfaceFirst::default() };
+            let spread = strategy.spread(&setup, 1);
+            let point = ground.object.surface().index_of([12, 12, 0]).unwrap();
+            let ink = |residual: f32| {
+                let mut rows = vec![0; 12 * 3];
+                spread.mixtures(&setup, point, [residual, 0.0, 0.0], &mut rows);
+                rows.chunks_exact(3).map(|row| u64::from(row[0])).sum::<u64>()
+            };
+            prop_assert!(ink(less + more) <= ink(less) + 12);
+        }
+    }
 }

@@ -160,7 +160,7 @@ impl<'a> Judge<'a> {
         let JudgeInput { object, viewing, target, printable_target } = input;
         check_colors(object, viewing, target, printable_target)?;
         let control = &control.silent();
-        let smoother = SurfaceSmoother::new(object.surface(), RADII_MM[0], control)?;
+        let smoother = SurfaceSmoother::exact(object.surface(), RADII_MM[0], control)?;
         let low_pass = LowPass::new(object.surface(), control)?;
         let classes = lab_of(target).into_iter().map(ColorClass::of).collect();
         let mut fields = [printable_target.to_vec(), target.to_vec()];

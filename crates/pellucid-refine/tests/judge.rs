@@ -1,0 +1,326 @@
+//! The judge on planted errors.
+
+mod common;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use common::{MEDIA_WHITE, viewing};
+use pellucid_color::space::lab_of_linear_rgb;
+use pellucid_color::{Lab, delta_e_2000};
+use pellucid_core::random::{Domain, hash, uniform};
+use pellucid_predict::{
+    BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Object, Pass, PredictError,
+};
+use pellucid_refine::{ColorClass, Effort, Errors, Evaluation, Judge, JudgeInput, Judged, RefineError};
+use pellucid_voxel::{Control, Frame, LabelGrid, Pitch, Surface, SurfaceOptions, Tile};
+
+/// Shows planted colours, with white noise of a given size: uniform, of this standard deviation in each channel.
+struct Planted {
+    object: Arc<Object>,
+    shown: Vec<[f32; 3]>,
+    noise: f64,
+    updated: bool,
+}
+
+impl BoundPredictor for Planted {
+    fn update(&mut self, _: &LabelGrid, _: Changed<'_>, _: &Control<'_>) -> Result<(), PredictError> {
+        self.updated = true;
+        Ok(())
+    }
+    fn predict(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<Diagnostics, PredictError> {
+        assert!(self.updated && matches!(draw.pass, Pass::Judge(_)));
+        self.object.check_points(points, out.len())?;
+        let domain = Domain::new("planted").pass(draw.pass.number());
+        let channels = self.object.channels();
+        for (i, (&p, out)) in points.iter().zip(out.chunks_exact_mut(channels)).enumerate() {
+            if i % 1024 == 0 {
+                control.check()?;
+                control.report(i as u64, points.len() as u64);
+            }
+            for (k, out) in out.iter_mut().enumerate() {
+                let c = common::band(k, channels);
+                let error =
+                    (uniform(draw.seed, domain, u64::from(p), k as u64) - 0.5) * 12f64.sqrt() * self.noise;
+                *out = ((f64::from(self.shown[p as usize][c]) + error) * MEDIA_WHITE[c]) as f32;
+            }
+        }
+        let mut diagnostics = Diagnostics::default();
+        diagnostics.paths = points.len() as u64;
+        Ok(diagnostics)
+    }
+}
+
+struct Block {
+    solid: LabelGrid,
+    object: Arc<Object>,
+}
+
+/// 4.2 x 0.3 x 4 mm at the J750's pitch: two great faces that show x and z.
+fn block(channels: usize) -> Block {
+    let frame = Frame::new([0.0; 3], Pitch::j750(), [100, 4, 150]).unwrap();
+    let solid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
+    let surface = Surface::extract(&solid, &SurfaceOptions::default(), &Control::none()).unwrap();
+    Block { solid, object: Arc::new(Object::new(surface, common::table(channels), 1.5).unwrap()) }
+}
+
+impl Block {
+    fn field(&self, color: impl Fn([u32; 3]) -> [f32; 3]) -> Vec<[f32; 3]> {
+        self.object.surface().voxels().iter().map(|&v| color(v)).collect()
+    }
+
+    fn judge(
+        &self,
+        printable: &[[f32; 3]],
+        target: &[[f32; 3]],
+        shown: Vec<[f32; 3]>,
+        noise: f64,
+        effort: Effort,
+    ) -> Judged {
+        let viewing = viewing(self.object.channels());
+        let input =
+            JudgeInput { object: &self.object, viewing: &viewing, target, printable_target: printable };
+        let judge = Judge::new(input, effort, 3, &Control::none()).unwrap();
+        let mut bound = Planted { object: self.object.clone(), shown, noise, updated: false };
+        judge.judge(&self.solid, &mut bound, Capabilities::new(noise > 0.0), &Control::none()).unwrap()
+    }
+}
+
+fn effort() -> Effort {
+    Effort { points: 2000, point_passes: 4, surface_passes: 4 }
+}
+
+fn lab(rgb: [f32; 3]) -> Lab {
+    Lab::from_linear_rgb(rgb.map(f64::from))
+}
+
+fn difference(a: [f32; 3], b: [f32; 3]) -> f64 {
+    delta_e_2000(lab(a), lab(b))
+}
+
+const RED: [f32; 3] = [0.5, 0.1, 0.1];
+const BLUE: [f32; 3] = [0.1, 0.15, 0.5];
+const VIOLET: [f32; 3] = [0.2, 0.15, 0.5];
+
+#[test]
+fn a_hue_shift_of_one_class_shows_in_that_class_alone() {
+    let block = block(3);
+    let half = |left, right| move |v: [u32; 3]| if v[0] < 40 { left } else { right };
+    let target = block.field(half(RED, BLUE));
+    let judged = block.judge(&target, &target, block.field(half(RED, VIOLET)), 0.0, effort());
+    let classes = &judged.errors.color_classes;
+    assert_eq!(classes.iter().map(|c| c.class).collect::<Vec<_>>(), [ColorClass::Red, ColorClass::Blue]);
+    let planted = difference(BLUE, VIOLET);
+    assert!(planted > 5.0);
+    let [red, blue] = [classes[0], classes[1]];
+    // Smoothing by 0.1 mm carries some of it over the border, 0.04 mm wide on average of 1.7 and 2.5 mm.
+    assert!(red.mean < 0.06 * planted && (blue.mean - planted).abs() < 0.06 * planted, "{red:?} {blue:?}");
+    let reds = target.iter().filter(|t| **t == RED).count() as f64 / target.len() as f64;
+    assert!((red.share - reds).abs() < 1e-9 && (red.share + blue.share - 1.0).abs() < 1e-9);
+    // Of single voxels the reds have none of it.
+    let voxel = judged.errors.voxel;
+    assert!((voxel.printable.mean - (1.0 - reds) * planted).abs() < 0.04 * planted, "{voxel:?}");
+    assert!((voxel.printable.max - planted).abs() < 1e-3);
+    assert_eq!((voxel.noise, judged.errors.point_passes, judged.errors.surface_passes), (0.0, 1, 1));
+}
+
+#[test]
+fn errors_to_the_target_as_given_are_kept_apart() {
+    let block = block(3);
+    let printable = block.field(|_| RED);
+    let target = block.field(|_| [0.9, 0.05, 0.05]);
+    let judged = block.judge(&printable, &target, printable.clone(), 0.0, effort());
+    for errors in [judged.errors.voxel, judged.errors.at_0_045_mm, judged.errors.at_0_2_mm] {
+        assert!(errors.printable.max < 0.01, "{errors:?}");
+        assert!((errors.raw.mean - difference(RED, [0.9, 0.05, 0.05])).abs() < 0.01, "{errors:?}");
+    }
+    assert_eq!(judged.errors.sharpness.slope, None, "no edges");
+}
+
+#[test]
+fn a_blur_lowers_the_slope_by_the_gaussians_factor() {
+    let block = block(3);
+    let wave = |amplitude: f64| {
+        move |v: [u32; 3]| {
+            let x = f64::from(v[0]) * 25.4 / 600.0;
+            [(0.4 + 0.12 * amplitude * (std::f64::consts::TAU * x / 0.8).sin()) as f32; 3]
+        }
+    };
+    let target = block.field(wave(1.0));
+    let sharp = block.judge(&target, &target, target.clone(), 0.0, effort()).errors;
+    assert!((sharp.sharpness.slope.unwrap() - 1.0).abs() < 1e-6 && sharp.sharpness.edges > 0.3);
+    for sigma in [0.05, 0.1, 0.15] {
+        let factor = (-0.5 * (std::f64::consts::TAU * sigma / 0.8f64).powi(2)).exp();
+        let errors = block.judge(&target, &target, block.field(wave(factor)), 0.0, effort()).errors;
+        let slope = errors.sharpness.slope.unwrap();
+        // Lightness is not linear in light: a tenth of the amplitude's curvature.
+        assert!((slope - factor).abs() < 0.03 * factor, "{sigma} mm: {slope}, closed form {factor}");
+        // What a blur takes is fine detail, and smoothing both alike hides it the more the wider.
+        let [voxel, fine, viewed, wide] =
+            [errors.voxel, errors.at_0_045_mm, errors.at_0_1_mm, errors.at_0_2_mm].map(|e| e.printable.mean);
+        assert!(voxel > fine && fine > viewed && viewed > 2.0 * wide, "{voxel} {fine} {viewed} {wide}");
+    }
+}
+
+#[test]
+fn white_noise_is_stated_and_taken_out_of_smoothed_errors() {
+    let block = block(3);
+    let target = block.field(|_| RED);
+    let shown = block.field(|_| [0.55, 0.11, 0.09]);
+    let clean = block.judge(&target, &target, shown.clone(), 0.0, effort()).errors;
+    let noise = 0.03;
+    let judged = block.judge(&target, &target, shown.clone(), noise, effort());
+    let noisy = judged.errors.clone();
+    // The noise of the mean of four passes, by itself: measured on noise of its own.
+    let n = 40_000;
+    let expected: Vec<f64> = (0..n)
+        .map(|i| {
+            let error = |c: u64| {
+                let sum: f64 = (0..4).map(|k| uniform(9, Domain::new("own"), i, 4 * c + k) - 0.5).sum();
+                (sum / 4.0 * 12f64.sqrt() * noise) as f32
+            };
+            difference([0.55 + error(0), 0.11 + error(1), 0.09 + error(2)], [0.55, 0.11, 0.09])
+        })
+        .collect();
+    let mean = expected.iter().sum::<f64>() / n as f64;
+    let variance = expected.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n as f64;
+    // Four standard errors of 2,000 voxels, and 4 % for what halves' differences, twice the size, meet of curvature.
+    let tolerance = 4.0 * (variance / 2000.0).sqrt() + 0.04 * mean;
+    assert!((noisy.voxel.noise - mean).abs() < tolerance, "{} {mean} {tolerance}", noisy.voxel.noise);
+    assert!(noisy.voxel.printable.mean > 1.05 * clean.voxel.printable.mean, "voxels show it");
+    let radii = |e: &pellucid_refine::StateErrors| [e.at_0_045_mm, e.at_0_1_mm, e.at_0_2_mm];
+    let mut last = noisy.voxel.noise;
+    for (noisy, clean) in radii(&noisy).iter().zip(radii(&clean)) {
+        assert!(noisy.noise < 0.7 * last && noisy.noise > 0.0, "{noisy:?}");
+        last = noisy.noise;
+        let (noisy, clean) = (noisy.printable.mean, clean.printable.mean);
+        assert!((noisy - clean).abs() < 0.04 * clean, "{noisy} {clean}");
+    }
+    assert_eq!(noisy.paths, 4 * (2000 + target.len() as u64));
+    // The appearance is the mean of the passes over all.
+    let mean = judged.appearance.iter().map(|a| f64::from(a[0])).sum::<f64>() / target.len() as f64;
+    assert!((mean - 0.55).abs() < 4.0 * noise / 2.0 / (target.len() as f64).sqrt(), "{mean}");
+    // A network that is off by 0.02 is found to be, though each value of the judge is off by more.
+    let off: Vec<f32> = judged
+        .points
+        .iter()
+        .flat_map(|&p| (0..3).map(move |c| (p, c)))
+        .map(|(p, c)| ((shown[p as usize][c] + 0.02) as f64 * MEDIA_WHITE[c]) as f32)
+        .collect();
+    let score = judged.prediction_error(&off).unwrap();
+    let expected = 0.02 * (MEDIA_WHITE.iter().map(|w| w * w).sum::<f64>() / 3.0).sqrt();
+    assert!((score.rmse() - expected).abs() < 0.1 * expected, "{} {expected}", score.rmse());
+    assert!((score.bias() - 0.014).abs() < 0.0015, "{}", score.bias());
+    assert!(judged.prediction_error(&off[1..]).is_err());
+}
+
+#[test]
+fn points_are_distinct_addressed_and_spread() {
+    let block = block(3);
+    let target = block.field(|_| RED);
+    let viewing = viewing(3);
+    let input =
+        JudgeInput { object: &block.object, viewing: &viewing, target: &target, printable_target: &target };
+    let points = |points: u32, seed: u64| {
+        let effort = Effort { points, ..effort() };
+        Judge::new(input, effort, seed, &Control::none()).unwrap().points().to_vec()
+    };
+    let few = points(500, 1);
+    assert_eq!(few.len(), 500);
+    assert!(few.windows(2).all(|w| w[0] < w[1]));
+    assert_ne!(few, points(500, 2));
+    // More points are those and others.
+    let more = points(900, 1);
+    assert!(few.iter().all(|p| more.binary_search(p).is_ok()));
+    let lower = few.iter().filter(|&&p| (p as usize) < target.len() / 2).count() as f64;
+    assert!((lower - 250.0).abs() < 4.0 * 125f64.sqrt(), "{lower}");
+    assert_eq!(points(1 << 30, 1).len(), target.len());
+    let least = (0..target.len() as u64).min_by_key(|&p| hash(1, Domain::new("judge points"), p, 0)).unwrap();
+    assert_eq!(points(1, 1), [least as u32]);
+}
+
+#[test]
+fn many_channels_are_judged_as_the_colour_they_make() {
+    let (three, many) = (block(3), block(31));
+    let half = |left, right| move |v: [u32; 3]| if v[0] < 40 { left } else { right };
+    let [target, shown] = [half(RED, BLUE), half(RED, VIOLET)].map(|f| three.field(f));
+    let a = three.judge(&target, &target, shown.clone(), 0.0, effort());
+    let b = many.judge(&target, &target, shown, 0.0, effort());
+    assert_eq!(b.halves[0].len(), 31 * b.points.len());
+    for (a, b) in [(a.errors.voxel, b.errors.voxel), (a.errors.at_0_1_mm, b.errors.at_0_1_mm)] {
+        assert!((a.printable.mean - b.printable.mean).abs() < 1e-3, "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn cancelling_and_bad_input_are_told() {
+    let block = block(3);
+    let target = block.field(|_| RED);
+    let viewing = viewing(3);
+    let input =
+        JudgeInput { object: &block.object, viewing: &viewing, target: &target, printable_target: &target };
+    let new = |input, effort| Judge::new(input, effort, 0, &Control::none());
+    let odd = Effort { point_passes: 3, ..effort() };
+    assert!(new(input, odd).err().unwrap().to_string().contains("point_passes"));
+    let short = JudgeInput { target: &target[1..], ..input };
+    assert!(new(short, effort()).err().unwrap().to_string().contains("target"));
+    let judge = new(input, effort()).unwrap();
+    let bound = |noise: f64, shown: Vec<[f32; 3]>| Planted {
+        object: block.object.clone(),
+        shown,
+        noise,
+        updated: false,
+    };
+    let stop = AtomicBool::new(false);
+    let progress = |done: u64, total: u64| stop.store(2 * done > total, Ordering::Relaxed);
+    let control = Control::none().with_progress(&progress).with_cancel(&stop);
+    let result =
+        judge.judge(&block.solid, &mut bound(0.1, target.clone()), Capabilities::new(true), &control);
+    assert!(matches!(result, Err(RefineError::Cancelled)));
+    let mut broken = target.clone();
+    broken[7][2] = f32::NAN;
+    let result =
+        judge.judge(&block.solid, &mut bound(0.0, broken), Capabilities::new(false), &Control::none());
+    assert!(result.unwrap_err().to_string().contains("not finite"));
+}
+
+#[test]
+fn the_report_reads_as_documented() {
+    let block = block(3);
+    let target = block.field(|v| if v[0] < 40 { RED } else { [0.6, 0.7, 0.9] });
+    let judged = block.judge(&target, &target, block.field(|_| VIOLET), 0.02, effort());
+    let evaluation = Evaluation { unrefined: judged.errors.clone(), refined: judged.errors };
+    let json = serde_json::to_value(&evaluation).unwrap();
+    let state = &json["refined"];
+    for field in ["voxel", "at_0_045_mm", "at_0_1_mm", "at_0_2_mm"] {
+        for number in ["mean", "median", "p95", "max", "noise"] {
+            assert!(state[field][number].is_f64(), "{field} {number}");
+        }
+        assert!(state[field]["raw"]["p95"].is_f64());
+    }
+    assert!(state["sharpness"]["slope"].is_f64());
+    assert_eq!(state["colour_classes"][0]["class"], "red");
+    assert_eq!(state["points"], 2000);
+    let back: Evaluation = serde_json::from_value(json).unwrap();
+    assert_eq!(back, evaluation);
+    assert_eq!(evaluation.reduction(), 0.0);
+    let better = Evaluation {
+        refined: {
+            let mut state = evaluation.refined.clone();
+            state.voxel.printable.mean *= 0.25;
+            state
+        },
+        ..evaluation
+    };
+    assert!((better.reduction() - 0.75).abs() < 1e-12);
+    let _: Errors = better.refined.voxel;
+    let mut rgb = [[0.0; 3]];
+    lab_of_linear_rgb(&[VIOLET], &mut rgb);
+    assert_eq!(ColorClass::of(rgb[0]), ColorClass::Blue);
+}
