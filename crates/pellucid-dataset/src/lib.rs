@@ -14,6 +14,7 @@
 //! | [`generate`](mod@generate) | files of labelled points: made in shards, resumed, verified |
 //! | [`set_file`] | their format |
 //! | [`set`] | such a set in memory |
+//! | [`judge`](mod@judge) | errors of predictions on such a set, by family of shapes |
 //! | [`stored`] | its volumes as the files hold them |
 //! | [`stream`] | an endless stream of training batches |
 #![forbid(unsafe_code)]
@@ -22,6 +23,7 @@ pub mod blue_noise;
 mod draw;
 pub mod error;
 pub mod generate;
+pub mod judge;
 pub mod noise;
 pub mod recipe;
 pub mod samples;
@@ -35,6 +37,7 @@ pub mod volume;
 
 pub use error::DatasetError;
 pub use generate::{SetInfo, generate, info, verify};
+pub use judge::{Judgement, ShapeScore, judge};
 pub use recipe::{Recipe, ShapeClass, Split};
 pub use samples::{Labels, STENCIL_VALUES, Sampler, Samples};
 pub use set::LabelledSet;
