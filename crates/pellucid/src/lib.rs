@@ -54,6 +54,8 @@ pub mod report;
 pub mod settings;
 #[cfg(feature = "job")]
 pub mod stage;
+#[cfg(all(feature = "rpnn", feature = "dataset"))]
+pub mod training;
 
 #[cfg(feature = "job")]
 pub use error::PrintError;

@@ -23,7 +23,7 @@ const CENTRE: usize = 2 * 67;
 ///
 /// Points of one cubic block of voxels take the coarse levels of the stencil about the block's central voxel,
 /// and their own finest levels. This leaves out most of the work, since coarse cells hardly differ between
-/// neighbours; `docs/results/rpnn/rpnn.md` has what it costs in accuracy.
+/// neighbours; `docs/results/network_error/network_error.md` has what it costs in accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sharing {
     /// Finest levels that every point has for itself, 1 to 8.
