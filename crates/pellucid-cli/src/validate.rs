@@ -12,7 +12,7 @@ use crate::Failure;
 /// Compares the path tracer with reference radiances
 #[derive(clap::Args)]
 pub struct Args {
-    /// Reference cases in JSON: geometry, medium, point and radiance of each
+    /// Reference cases in JSON, such as datasets/reference/radiance.json: geometry, medium, point and radiance of each
     cases: PathBuf,
     /// Paths per estimate; by default as many as bring the standard error to 0.0007
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..))]
@@ -57,7 +57,7 @@ impl Summary {
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     validate(args, &Control::none().with_cancel(cancel)).map_err(|error| match error {
         TraceError::Cancelled => Failure::Cancelled,
-        other => Failure::Error(other.to_string()),
+        other => Failure::Error(other.into()),
     })
 }
 
@@ -68,7 +68,7 @@ fn validate(args: &Args, control: &Control<'_>) -> Result<(), TraceError> {
     println!("{}", if args.no_voxels { "" } else { "   voxels  std err    error  error/se" });
     let (mut analytic, mut voxels) = (Summary::default(), Summary::default());
     let mut error_squares = 0.0;
-    let mut cached: Option<(String, VoxelCase)> = None;
+    let mut cached: Option<(&Case, VoxelCase)> = None;
     for (i, case) in cases.iter().enumerate() {
         // Seeds of their own, or cases of equal optical thickness would share their noise.
         let seed = args.seed.wrapping_add((i as u64) << 32);
@@ -84,10 +84,9 @@ fn validate(args: &Args, control: &Control<'_>) -> Result<(), TraceError> {
             continue;
         }
         // Cases often share their object.
-        let key = format!("{:?} {:?} {:?}", case.scene.shape(), case.scene.medium(), case.point_mm);
-        if cached.as_ref().is_none_or(|(k, _)| *k != key) {
+        if cached.as_ref().is_none_or(|(of, _)| !same_object(of, case)) {
             drop(cached.take());
-            cached = Some((key, case.voxelise(Pitch::j750(), control)?));
+            cached = Some((case, case.voxelise(Pitch::j750(), control)?));
         }
         let Some((_, object)) = &cached else { continue };
         let estimate = case.voxelised(object, args.spp, seed ^ 1, control)?;
@@ -103,4 +102,12 @@ fn validate(args: &Args, control: &Control<'_>) -> Result<(), TraceError> {
         println!("voxel error: rms {rms:.5}; it holds what voxels change of the object, beside the noise");
     }
     Ok(())
+}
+
+/// Whether two cases have the same voxels: shape, filling and point; coefficients may differ.
+fn same_object(a: &Case, b: &Case) -> bool {
+    a.scene.shape() == b.scene.shape()
+        && a.scene.medium() == b.scene.medium()
+        && a.point_mm == b.point_mm
+        && a.normal == b.normal
 }
