@@ -2,15 +2,12 @@
 #![forbid(unsafe_code)]
 
 mod dataset;
-mod files;
 mod prepare;
 mod progress;
-mod stopwatch;
-mod study_rpnn;
-mod study_tracer;
 mod train;
 mod validate;
 
+use std::error::Error;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -38,30 +35,21 @@ enum Command {
     Dataset(dataset::Command),
     /// Compare the path tracer with a file of reference radiances
     Validate(validate::Args),
-    /// Measure, and write tables and plots
-    #[command(subcommand)]
-    Study(Study),
-}
-
-#[derive(Subcommand)]
-enum Study {
-    /// Errors and times of networks beside Monte Carlo on labelled sets
-    Rpnn(study_rpnn::Args),
-    /// Error against run time of every estimator of the path tracer
-    Tracer(study_tracer::Args),
 }
 
 /// How a command ended early.
 enum Failure {
-    /// Ctrl-C.
+    /// Ctrl-C; nothing was written.
     Cancelled,
-    /// Everything else, as a message for the user.
-    Error(String),
+    /// Ctrl-C; what is left to go on from.
+    Stopped(&'static str),
+    /// Everything else; its causes are told too.
+    Error(Box<dyn Error + Send + Sync>),
 }
 
 impl From<pellucid::PrintError> for Failure {
     fn from(error: pellucid::PrintError) -> Self {
-        if error.is_cancelled() { Failure::Cancelled } else { Failure::Error(error.to_string()) }
+        if error.is_cancelled() { Failure::Cancelled } else { Failure::Error(error.into()) }
     }
 }
 
@@ -80,8 +68,6 @@ fn main() -> ExitCode {
         Command::Train(args) => train::run(&args, &CANCEL),
         Command::Dataset(command) => dataset::run(&command, &CANCEL),
         Command::Validate(args) => validate::run(&args, &CANCEL),
-        Command::Study(Study::Rpnn(args)) => study_rpnn::run(&args, &CANCEL),
-        Command::Study(Study::Tracer(args)) => study_tracer::run(&args, &CANCEL),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -89,8 +75,12 @@ fn main() -> ExitCode {
             eprintln!("cancelled; nothing was written");
             ExitCode::from(130)
         }
-        Err(Failure::Error(message)) => {
-            eprintln!("error: {message}");
+        Err(Failure::Stopped(left)) => {
+            eprintln!("cancelled; {left}");
+            ExitCode::from(130)
+        }
+        Err(Failure::Error(error)) => {
+            eprintln!("error: {}", pellucid_core::chain(error.as_ref()));
             ExitCode::FAILURE
         }
     }

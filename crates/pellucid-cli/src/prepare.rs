@@ -77,7 +77,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build_global()
-            .map_err(|e| Failure::Error(format!("--threads {threads}: {e}")))?;
+            .map_err(|e| Failure::Error(format!("--threads {threads}: {e}").into()))?;
     }
     let mut settings = PrintSettings { seed: args.seed, absolute: args.absolute, ..PrintSettings::default() };
     settings.target = match args.printer {
@@ -91,7 +91,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         if matches!(args.predictor, Predictor::Mc) {
             return Err(Failure::Error("--weights are the network's; leave --predictor mc out".into()));
         }
-        let read = pellucid::rpnn::file::load(path).map_err(|e| Failure::Error(e.to_string()))?;
+        let read = pellucid::rpnn::file::load(path).map_err(|e| Failure::Error(e.into()))?;
         settings.weights = Some(Arc::new(read));
     }
     settings.scale = args.height_mm.map_or(Scale::Native, Scale::HeightMm);
@@ -104,7 +104,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     bars.begin(Stage::Import);
     let imported = import_path(&args.model, &ImportLimits::default());
     bars.end(Stage::Import);
-    let model = imported.map_err(|e| Failure::Error(e.to_string()))?;
+    let model = imported.map_err(|e| Failure::Error(e.into()))?;
     let prepared = job.prepare(&model, &bars, cancel)?;
     let report = prepared.write(&args.out, args.force, &bars, cancel)?;
     summary(&report, args);

@@ -1,27 +1,26 @@
 //! Errors and times of every predictor on a labelled set.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use pellucid::color::space::lab_of_linear_rgb;
 use pellucid::color::{DeltaEStats, delta_e::delta_e_2000_of};
-use pellucid::dataset::samples::{STENCIL_VALUES, Sampler};
+use pellucid::dataset::judge::judge;
+use pellucid::dataset::samples::Sampler;
 use pellucid::dataset::{LabelledSet, ShapeClass};
-use pellucid::refine::{AppearancePredictor, Scene};
-use pellucid::rpnn::train::Score;
 use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
 
+use super::shared::{Shared, name_in_use, shares};
 use super::{Candidate, Error};
-use crate::stopwatch::{seconds, time};
+use pellucid_benches::study::stopwatch::{seconds, time};
 
 /// Paths a point and channel of the Monte Carlo estimates.
 const PATHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 const MOST: u32 = PATHS[PATHS.len() - 1];
 /// Surface points on which extraction is timed.
-const TIMED_POINTS: usize = 4096;
-const NOT_ON_SURFACE: &str = "a labelled voxel is not on the surface";
+pub const TIMED_POINTS: usize = 4096;
+pub const NOT_ON_SURFACE: &str = "a labelled voxel is not on the surface";
 /// Samples that a network predicts at a time.
 const CHUNK: usize = 4096;
 
@@ -59,21 +58,17 @@ pub fn measure(
     let extraction = extraction(&sampler, volumes.first().map_or(0, |v| v.0), control)?;
     for candidate in candidates {
         let mut inference = candidate.inference()?;
-        let mut predicted = vec![0.0; set.len()];
-        let mut stencils = vec![0.0; CHUNK * STENCIL_VALUES];
         let mut spent = 0.0;
-        for (chunk, out) in predicted.chunks_mut(CHUNK).enumerate() {
-            control.check()?;
-            let stencils = &mut stencils[..out.len() * STENCIL_VALUES];
-            set.stencils(chunk * CHUNK, stencils);
+        let predicted = set.predictions(CHUNK, control, |stencils, out| {
             let start = seconds();
             inference.radiance(stencils, out)?;
             spent += seconds() - start;
-        }
+            Ok::<_, Error>(())
+        })?;
         let time = 1e6 * (spent / set.len() as f64 + extraction);
-        judge(name, set, white, (&candidate.name, 0, time), &predicted, rows)?;
+        add(name, set, white, (&candidate.name, 0, time), &predicted, rows)?;
     }
-    let sharing = candidates.first().filter(|c| c.shares());
+    let sharing = candidates.first().filter(|c| shares(c));
     let mut shared = Shared { predicted: vec![0.0; set.len()], sample_seconds: 0.0 };
     let mut predicted = PATHS.map(|_| vec![0.0; set.len()]);
     let mut spent = 0.0;
@@ -81,8 +76,8 @@ pub fn measure(
         let grid = sampler.grid(volume)?;
         let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
         if let Some(candidate) = sharing {
-            let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
-            shared.volume(candidate, &scene, set, samples.clone(), n == 0, control)?;
+            let materials = sampler.materials();
+            shared.volume(candidate, &grid, &surface, materials, set, samples.clone(), n == 0, control)?;
         }
         let traced = Volume::new(&grid, &surface, control)?;
         let points = samples
@@ -103,55 +98,14 @@ pub fn measure(
     }
     if let Some(candidate) = sharing {
         let time = 1e6 * shared.sample_seconds;
-        judge(name, set, white, (&candidate.name_in_use(), 0, time), &shared.predicted, rows)?;
+        add(name, set, white, (&name_in_use(candidate), 0, time), &shared.predicted, rows)?;
     }
     for (spp, predicted) in PATHS.iter().zip(&predicted) {
         // Fewer paths on the points of one volume take less than the system's tick.
         let time = 1e6 * spent / set.len() as f64 * f64::from(*spp) / f64::from(MOST);
-        judge(name, set, white, (&format!("Monte Carlo, {spp} paths"), *spp, time), predicted, rows)?;
+        add(name, set, white, (&format!("Monte Carlo, {spp} paths"), *spp, time), predicted, rows)?;
     }
     Ok(())
-}
-
-/// Predictions of a network whose points share coarse levels.
-struct Shared {
-    predicted: Vec<f32>,
-    /// Processor seconds a sample of neighbouring surface points.
-    sample_seconds: f64,
-}
-
-impl Shared {
-    /// Predicts a volume's samples; a point's value does not depend on the others, but its time does, and
-    /// is measured on neighbours when `timed`.
-    fn volume(
-        &mut self,
-        candidate: &Candidate,
-        scene: &Scene<'_>,
-        set: &LabelledSet,
-        samples: Range<usize>,
-        timed: bool,
-        control: &Control<'_>,
-    ) -> Result<(), Error> {
-        let points = samples
-            .clone()
-            .step_by(set.channels())
-            .map(|i| scene.surface.index_of(set.voxel(i)).ok_or(NOT_ON_SURFACE))
-            .collect::<Result<Vec<u32>, _>>()?;
-        let mut network = candidate.predictor();
-        network.predict(scene, &points, 0, &mut self.predicted[samples], control)?;
-        if timed {
-            let order = near_order(scene.surface.voxels());
-            let near = &order[..order.len().min(TIMED_POINTS)];
-            let mut out = vec![0.0; near.len() * set.channels()];
-            let (_, spent) = time(|| {
-                // The table is there already: no label changed.
-                network.tiles_changed(&[]);
-                network.predict(scene, near, 0, &mut out, control)
-            })?;
-            self.sample_seconds = spent / out.len() as f64;
-        }
-        Ok(())
-    }
 }
 
 /// Runs of samples of one volume.
@@ -181,7 +135,7 @@ fn extraction(sampler: &Sampler, volume: u32, control: &Control<'_>) -> Result<f
     Ok(spent / (points.len() * sampler.channels()).max(1) as f64)
 }
 
-fn judge(
+fn add(
     name: &str,
     set: &LabelledSet,
     white: [f64; 3],
@@ -189,16 +143,12 @@ fn judge(
     predicted: &[f32],
     rows: &mut Vec<Row>,
 ) -> Result<(), Error> {
-    let mut families: BTreeMap<String, (ShapeClass, Vec<usize>)> = BTreeMap::new();
-    for i in 0..set.len() {
-        let class = set.class(i);
-        families.entry(format!("{class:?}")).or_insert_with(|| (class, Vec::new())).1.push(i);
-    }
-    let parts = families.into_values().map(|(class, samples)| (Some(class), samples));
-    for (class, samples) in std::iter::once((None, (0..set.len()).collect())).chain(parts) {
+    let judgement = judge(set, predicted)?;
+    let by_shape = judgement.by_shape.iter().map(|s| (Some(s.shape), s.score));
+    for (class, score) in std::iter::once((None, judgement.all)).chain(by_shape) {
+        let of_class = |i: &usize| class.is_none_or(|class| set.class(*i) == class);
+        let samples: Vec<usize> = (0..set.len()).filter(of_class).collect();
         let pick = |from: &[f32]| samples.iter().map(|&i| from[i]).collect::<Vec<_>>();
-        let (ours, labels) = (pick(predicted), pick(set.radiance()));
-        let score = Score::new(&ours, &labels, &pick(set.std_error()))?;
         rows.push(Row {
             set: name.to_owned(),
             class,
@@ -209,7 +159,7 @@ fn judge(
             rmse: score.rmse,
             bias: score.bias,
             p95: score.p95,
-            delta_e: delta_e(&ours, &labels, white)?,
+            delta_e: delta_e(&pick(predicted), &pick(set.radiance()), white)?,
         });
     }
     Ok(())

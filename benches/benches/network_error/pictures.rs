@@ -5,11 +5,10 @@ use std::path::Path;
 use pellucid::dataset::LabelledSet;
 use pellucid::dataset::samples::Sampler;
 use pellucid::proof::{View, Visibility, contact_sheet};
-use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::{Control, Surface, SurfaceOptions};
 
-use super::{Candidate, Error};
+use super::{Candidate, Error, shared};
 
 /// Paths of the reference.
 const REFERENCE: u32 = 1024;
@@ -47,13 +46,10 @@ pub fn draw(
     let reference = traced(REFERENCE, 0)?;
     let noisy = traced((paths.round() as u32).clamp(1, REFERENCE), 1)?;
 
-    let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
-    let mut predictions = Vec::new();
-    for candidate in candidates {
-        let mut predicted = vec![0.0; points.len() * 3];
-        candidate.predictor().predict(&scene, &points, 0, &mut predicted, control)?;
-        predictions.push(predicted);
-    }
+    let mut predictions = candidates
+        .iter()
+        .map(|c| shared::predict(c, &grid, &surface, sampler.materials(), &points, control))
+        .collect::<Result<Vec<_>, _>>()?;
     predictions.push(noisy);
 
     let spread = |colour: &dyn Fn(usize) -> [f32; 3]| {
