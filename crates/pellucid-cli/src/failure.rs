@@ -68,6 +68,7 @@ from_errors! {
     pellucid::trace::TraceError,
     pellucid::dataset::DatasetError,
     pellucid::rpnn::RpnnError,
+    pellucid::training::TrainingError,
     pellucid::voxel::VoxelError,
 }
 

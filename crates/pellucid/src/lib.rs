@@ -40,6 +40,7 @@
 //! | `slice` | print targets and slice stacks | `slice` |
 //! | `proof` | pictures of the print | `proof` |
 //! | `dataset` | procedural volumes and labelled samples | `dataset` |
+//! | `training` | training runs, and a network's errors on labelled sets | `rpnn` and `dataset` |
 //!
 //! `job`, the default, is what [`PrintJob`] needs, with the path tracer as predictor. `weights` adds the network.
 //! Features only add: no feature changes what another one does, or a default.
@@ -88,6 +89,8 @@ pub mod report;
 pub mod settings;
 #[cfg(feature = "job")]
 pub mod stage;
+#[cfg(all(feature = "rpnn", feature = "dataset"))]
+pub mod training;
 #[cfg(feature = "job")]
 mod workspace;
 
