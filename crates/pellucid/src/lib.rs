@@ -11,15 +11,18 @@
 //!
 //! ```
 //! # #[cfg(feature = "job")] {
-//! use pellucid::mesh::{Scale, shapes};
+//! use pellucid::voxel::{Frame, LabelGrid};
 //! use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let model = shapes::cube();
-//! let mut settings = PrintSettings { scale: Scale::HeightMm(0.5), spp: 2, ..PrintSettings::default() };
+//! let mut settings = PrintSettings { spp: 2, ..PrintSettings::default() };
 //! settings.refine.iterations = 1;
 //! let job = PrintJob::new(settings)?;
-//! let prepared = job.prepare(&model, &Workspace::none(), &Monitor::silent())?;
-//! assert!(prepared.judged.evaluation.refined.voxel.mean.is_finite());
+//! // Half a millimetre of a tool's own voxels; `prepare` takes a model of `mesh::import_path` instead.
+//! let frame = Frame::new([0.0; 3], job.settings().printer.pitch(), [12, 6, 18])?;
+//! let block = LabelGrid::from_fn(frame, |_| 1);
+//! let color = |[x, _, _]: [u32; 3]| if x < 6 { [0.8, 0.2, 0.1] } else { [0.9, 0.9, 0.8] };
+//! let prepared = job.prepare_volume("block", &block, color, &Workspace::none(), &Monitor::silent())?;
+//! assert!(prepared.judged.evaluation.refined.voxel.printable.mean.is_finite());
 //! # Ok(()) }
 //! # main().unwrap() }
 //! ```

@@ -35,7 +35,7 @@ pub use refined::Refined;
 /// let monitor = Monitor::silent();
 /// let prepared = job.prepare(&model, &Workspace::none(), &monitor)?;
 /// let report = prepared.write(Path::new("print"), false, &monitor)?;
-/// println!("mean dE2000 {:.2}", report.evaluation.refined.voxel.mean);
+/// println!("mean dE2000 {:.2}", report.evaluation.refined.voxel.printable.mean);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone)]
