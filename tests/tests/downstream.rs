@@ -10,8 +10,8 @@ use ndarray::Array3;
 use pellucid::color::{MixtureModel, spectrum::Illuminant};
 use pellucid::core::Control;
 use pellucid::mesh::Scale;
-use pellucid::predict::{BoundPredictor, Changed, Draw, MonteCarlo, Object, Pass, Predictor};
-use pellucid::slice::{ImageStack, PrintTarget, read_images};
+use pellucid::predict::{Changed, Draw, MonteCarlo, Object, Pass, Predictor};
+use pellucid::slice::{ImageStack, PrintTarget, list_images, read_images};
 use pellucid::voxel::{Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions};
 use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
 use pellucid_tests::{patched_ball, spectral_cmykw};
@@ -31,7 +31,9 @@ fn the_whole_job() -> Outcome {
     let monitor = Monitor::silent();
     let prepared = job.prepare(&patched_ball(), &Workspace::none(), &monitor)?;
     let report = prepared.write(&out.path().join("print"), false, &monitor)?;
-    assert!(report.evaluation.refined.voxel.printable.mean < report.evaluation.unrefined.voxel.printable.mean);
+    assert!(
+        report.evaluation.refined.voxel.printable.mean < report.evaluation.unrefined.voxel.printable.mean
+    );
     Ok(())
 }
 
@@ -69,7 +71,7 @@ fn a_volume_from_an_array() -> Outcome {
     let color = |[x, _, _]: [u32; 3]| if x < 15 { [0.8, 0.1, 0.1] } else { [0.1, 0.2, 0.7] };
     let (workspace, monitor) = (Workspace::none(), Monitor::silent());
     let prepared = job.prepare_volume("plate", &labels, color, &workspace, &monitor)?;
-    let back: Array3<u8> = prepared.refined.labels.to_array();
+    let back: Array3<u8> = prepared.refined.labels.to_array()?;
     assert!(back.iter().zip(&solid).all(|(label, solid)| (*label != 0) == (*solid != 0)));
     Ok(())
 }
@@ -89,8 +91,8 @@ fn thirty_one_channels() -> Outcome {
 fn slices_of_a_foreign_tool() -> Outcome {
     let folder = own::foreign_stack(Path::new("layer"))?;
     let (printer, control) = (PrintTarget::j750(), Control::none());
-    let stack = ImageStack::of(&printer, &MaterialTable::cmykw())?;
-    let labels = read_images(folder.path(), &stack, &control)?;
+    let stack = ImageStack::for_target(&printer, &MaterialTable::cmykw())?;
+    let labels = read_images(&list_images(folder.path(), "layer*.png")?, &stack, &control)?;
     let surface = Surface::extract(&labels, &SurfaceOptions::default(), &control)?;
     let object = Arc::new(Object::new(surface, MaterialTable::cmykw(), 1.5)?);
     let mut bound = MonteCarlo::new(16)?.bind(object.clone())?;

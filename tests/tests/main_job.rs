@@ -173,7 +173,8 @@ fn cancelling_any_stage_ends_the_job_and_leaves_nothing() {
     }
     let flag = AtomicBool::new(false);
     let observer = CancelIn { stage: Stage::Slices, at_progress: true, flag: &flag, after: Mutex::default() };
-    let result = prepare(quick(2.0)).write(&folder.path().join("print"), false, &Monitor::new(&observer, &flag));
+    let result =
+        prepare(quick(2.0)).write(&folder.path().join("print"), false, &Monitor::new(&observer, &flag));
     assert!(result.err().is_some_and(|e| e.is_cancelled()));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
@@ -205,7 +206,8 @@ fn a_cancelled_job_resumes_from_its_workspace_and_ends_alike() {
 
         let mut other = settings;
         other.refine.coloured_depth_mm = 1.5;
-        let refused = PrintJob::new(other).unwrap().prepare(&model, &Workspace::resume(&out), &Monitor::silent());
+        let refused =
+            PrintJob::new(other).unwrap().prepare(&model, &Workspace::resume(&out), &Monitor::silent());
         let refused = refused.err().unwrap().to_string();
         assert!(refused.contains("settings.refine.coloured_depth_mm was 2.0 and is 1.5"), "{refused}");
 
@@ -237,6 +239,10 @@ fn bad_settings_are_named() {
     assert!(refusal(&|s| s.judge.point_passes = 3).contains("point_passes"));
     assert!(refusal(&|s| s.printer = s.printer.clone().with_max_materials(3).unwrap()).contains("takes 3"));
     let too_tall = PrintJob::new(settings(300.0)).unwrap();
-    let refused = too_tall.prepare(&patched_ball(), &Workspace::none(), &Monitor::new(&Silent, &AtomicBool::new(false)));
+    let refused = too_tall.prepare(
+        &patched_ball(),
+        &Workspace::none(),
+        &Monitor::new(&Silent, &AtomicBool::new(false)),
+    );
     assert!(refused.err().unwrap().to_string().contains("300 x 300 x 300 mm"));
 }

@@ -31,7 +31,7 @@
 //! | module | what it is for | feature |
 //! | --- | --- | --- |
 //! | [`core`](mod@core) | progress, cancellation, error texts, whole files | always |
-//! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always |
+//! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always; `ndarray` for its arrays |
 //! | `halftone` | blue-noise masks | `refine` |
 //! | `mesh` | glTF import and voxelisation | `mesh` |
 //! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |
