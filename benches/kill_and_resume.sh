@@ -7,7 +7,7 @@ model=$1 times=$2
 shift 2
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-errors() { python3 -c 'import json,sys; r=json.load(open(sys.argv[1])); print(json.dumps([r["evaluation"], [[i[k] for k in ("raw","mapped","smoothed") if k in i] for i in r["refinement"]["iterations"]]], sort_keys=True))' "$1"; }
+errors() { python3 -c 'import json,sys; r=json.load(open(sys.argv[1])); print(json.dumps([r["evaluation"], [[i[k] for k in ("target","printable_target","smoothed")] for i in r["refinement"]["iterations"]]], sort_keys=True))' "$1"; }
 start=$(date +%s.%N)
 pellucid prepare "$model" --out "$work/whole" "$@" >/dev/null 2>&1
 whole=$(python3 -c "import time; print(time.time() - $start)")

@@ -153,10 +153,9 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
 
 /// The job's checkpoints: a new job's, or an interrupted one's with `--resume`.
 fn workspace(args: &Args) -> Result<Workspace, Failure> {
-    for partial in staging::remains(&args.out) {
+    for partial in staging::remains(&args.out)? {
         terminal::note(format!(
-            "warning: a run that was interrupted while it wrote left {}; nothing reads it, remove it when no other run \
-             is writing",
+            "warning: a run that was interrupted while it wrote left {}; nothing reads it, remove it",
             partial.display()
         ));
     }

@@ -19,20 +19,24 @@ pub fn of(report: &Report, out: &Path) -> String {
     let _ = writeln!(
         text,
         "colour error (mean dE2000 to the printable target): {:.2} unrefined, {:.2} refined ({:.0} % less)",
-        before.voxel.mean,
-        after.voxel.mean,
+        before.voxel.printable.mean,
+        after.voxel.printable.mean,
         100.0 * report.evaluation.reduction()
     );
+    let sharp = |slope: Option<f64>| slope.map_or("none".to_owned(), |s| format!("{s:.2}"));
     let _ = writeln!(
         text,
-        "as seen from 300 mm (smoothed over 0.1 mm): {:.2} unrefined, {:.2} refined; sharpness {:.2}, {:.2}",
-        before.at_0_1_mm.mean, after.at_0_1_mm.mean, before.sharpness, after.sharpness
+        "as seen from 300 mm (over 0.1 mm): {:.2} unrefined, {:.2} refined; sharpness {} and {}",
+        before.at_0_1_mm.printable.mean,
+        after.at_0_1_mm.printable.mean,
+        sharp(before.sharpness.slope),
+        sharp(after.sharpness.slope)
     );
     let _ = writeln!(
         text,
         "refined: median {:.2}, 95 % below {:.2}; {:.0} % of the surface has a colour out of the printer's reach",
-        after.voxel.median,
-        after.voxel.p95,
+        after.voxel.printable.median,
+        after.voxel.printable.p95,
         100.0 * report.refinement.out_of_gamut
     );
     let _ = writeln!(text, "wrote {}", out.display());

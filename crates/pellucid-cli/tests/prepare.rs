@@ -61,7 +61,7 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
             }
             assert!(report["evaluation"][state][level]["raw"]["mean"].is_number());
         }
-        assert!(report["evaluation"][state]["sharpness"].is_number());
+        assert!(report["evaluation"][state]["sharpness"]["slope"].is_number());
         assert!(!report["evaluation"][state]["colour_classes"].is_null());
     }
     // Nothing in the record tells where it was made.

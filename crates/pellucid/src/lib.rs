@@ -11,15 +11,18 @@
 //!
 //! ```
 //! # #[cfg(feature = "job")] {
-//! use pellucid::mesh::{Scale, shapes};
+//! use pellucid::voxel::{Frame, LabelGrid};
 //! use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let model = shapes::cube();
-//! let mut settings = PrintSettings { scale: Scale::HeightMm(0.5), spp: 2, ..PrintSettings::default() };
+//! let mut settings = PrintSettings { spp: 2, ..PrintSettings::default() };
 //! settings.refine.iterations = 1;
 //! let job = PrintJob::new(settings)?;
-//! let prepared = job.prepare(&model, &Workspace::none(), &Monitor::silent())?;
-//! assert!(prepared.judged.evaluation.refined.voxel.mean.is_finite());
+//! // Half a millimetre of a tool's own voxels; `prepare` takes a model of `mesh::import_path` instead.
+//! let frame = Frame::new([0.0; 3], job.settings().printer.pitch(), [12, 6, 18])?;
+//! let block = LabelGrid::from_fn(frame, |_| 1);
+//! let color = |[x, _, _]: [u32; 3]| if x < 6 { [0.8, 0.2, 0.1] } else { [0.9, 0.9, 0.8] };
+//! let prepared = job.prepare_volume("block", &block, color, &Workspace::none(), &Monitor::silent())?;
+//! assert!(prepared.judged.evaluation.refined.voxel.printable.mean.is_finite());
 //! # Ok(()) }
 //! # main().unwrap() }
 //! ```
@@ -28,7 +31,7 @@
 //! | module | what it is for | feature |
 //! | --- | --- | --- |
 //! | [`core`](mod@core) | progress, cancellation, error texts, whole files | always |
-//! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always |
+//! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always; `ndarray` for its arrays |
 //! | `halftone` | blue-noise masks | `refine` |
 //! | `mesh` | glTF import and voxelisation | `mesh` |
 //! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |

@@ -42,12 +42,7 @@ struct BoundBleed {
 }
 
 impl BoundPredictor for BoundBleed {
-    fn update(
-        &mut self,
-        labels: &LabelGrid,
-        _: Changed<'_>,
-        _: &Control<'_>,
-    ) -> Result<(), PredictError> {
+    fn update(&mut self, labels: &LabelGrid, _: Changed<'_>, _: &Control<'_>) -> Result<(), PredictError> {
         self.object.check_labels(labels)?;
         self.labels = Some(labels.clone());
         Ok(())
@@ -62,7 +57,8 @@ impl BoundPredictor for BoundBleed {
     ) -> Result<Diagnostics, PredictError> {
         control.check()?;
         self.object.check_points(points, out.len())?;
-        let labels = self.labels.as_ref().ok_or_else(|| PredictError::invalid("labels", "none were given"))?;
+        let labels =
+            self.labels.as_ref().ok_or_else(|| PredictError::invalid("labels", "none were given"))?;
         let materials = self.object.materials();
         for (values, &point) in out.chunks_exact_mut(materials.channels()).zip(points) {
             let [x, y, z] = self.object.surface().voxels()[point as usize];

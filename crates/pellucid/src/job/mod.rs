@@ -17,7 +17,7 @@ use pellucid_voxel::LabelGrid;
 use crate::{Monitor, PrintError, PrintSettings, Record, Workspace, predictors};
 
 pub use aimed::{Aimed, SharedInk};
-pub use judged::{Judged, ProofView};
+pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
 pub use refined::Refined;
@@ -35,7 +35,7 @@ pub use refined::Refined;
 /// let monitor = Monitor::silent();
 /// let prepared = job.prepare(&model, &Workspace::none(), &monitor)?;
 /// let report = prepared.write(Path::new("print"), false, &monitor)?;
-/// println!("mean dE2000 {:.2}", report.evaluation.refined.voxel.mean);
+/// println!("mean dE2000 {:.2}", report.evaluation.refined.voxel.printable.mean);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone)]
