@@ -64,7 +64,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { points: 5_000, point_passes: 64, surface_passes: 2 }
+        Self { points: 2_000, point_passes: 2, surface_passes: 2 }
     }
 }
 
@@ -234,6 +234,34 @@ impl<'a> Judge<'a> {
         control: &Control<'_>,
     ) -> Result<Judged, RefineError> {
         bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        self.judge_updated([&*bound, &*bound], capabilities, control)
+    }
+
+    /// [`Judge::judge`] with a predictor of its own, of more paths a pass, for per-voxel errors: few long passes over few
+    /// points take less time than many short ones.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn judge_with(
+        &self,
+        labels: &LabelGrid,
+        bound: &mut dyn BoundPredictor,
+        precise: &mut dyn BoundPredictor,
+        capabilities: Capabilities,
+        control: &Control<'_>,
+    ) -> Result<Judged, RefineError> {
+        bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        precise.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        self.judge_updated([&*bound, &*precise], capabilities, control)
+    }
+
+    /// Judges what two predictors, of all surface voxels and of the points, were brought up to date with.
+    fn judge_updated(
+        &self,
+        [bound, precise]: [&dyn BoundPredictor; 2],
+        capabilities: Capabilities,
+        control: &Control<'_>,
+    ) -> Result<Judged, RefineError> {
         let all = self.input.object.points();
         let Effort { mut point_passes, mut surface_passes, .. } = self.effort;
         if !capabilities.random {
@@ -245,7 +273,7 @@ impl<'a> Judge<'a> {
         let mut paths = 0;
         let surface = self.surface_halves(&all, surface_passes, bound, &mut meter, &mut paths)?;
         let passes = surface_passes..surface_passes + point_passes;
-        let halves = self.point_halves(passes, bound, &mut meter, &mut paths)?;
+        let halves = self.point_halves(passes, precise, &mut meter, &mut paths)?;
         let mut errors = StateErrors {
             voxel: self.voxel_errors(&halves),
             points: self.points.len() as u64,
