@@ -115,7 +115,7 @@ impl Default for PrintSettings {
             surface_first: SurfaceFirst::default(),
             seed: 0,
             judge: Effort::default(),
-            judge_spp: 4,
+            judge_spp: 3,
             judge_point_spp: 1024,
             proof_edge: 480,
         }
