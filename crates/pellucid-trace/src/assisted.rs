@@ -74,7 +74,7 @@ impl Tracer<'_> {
             (tally.mean(spp), tally.cautious_variance(spp) / f64::from(spp))
         };
         let features_of: Vec<usize> = (0..channels).collect();
-        self.regress(points, &features_of, own, options, radiance, control)?;
+        self.regress(points, &features_of, own, &[0.0], options, radiance, control)?;
         radiance.iter_mut().for_each(|l| *l = l.min(1.0));
         Ok(())
     }
@@ -122,55 +122,86 @@ impl Tracer<'_> {
             let [a, b] = halves.map(|half| f64::from(half[i * per_point + k]));
             (0.5 * (a + b), (0.5 * (a - b)).powi(2))
         };
-        self.regress(points, features_of, own, options, out, control)
+        self.regress(points, features_of, own, &[0.0, 0.5], options, out, control)
     }
 
     /// Mixes every value, of which `own` gives mean and variance by position in `points` and in `features_of`, with the
-    /// regression over its patch.
+    /// regression over its patch; over several `lattices` of patches, offset by that share of a patch, the results are
+    /// blended by the distance from their patches' borders, which then do not show.
     fn regress(
         &self,
         points: &[u32],
         features_of: &[usize],
         own: impl Fn(usize, usize) -> (f64, f64) + Sync,
+        lattices: &[f64],
         options: &AssistOptions,
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
         let per_point = features_of.len();
-        let patches = self.patches(points, options.patch_mm);
-        let fitted = patches
-            .par_iter()
-            .map(|members| {
-                control.check()?;
-                let below: Vec<Composition> =
-                    members.iter().map(|&i| Composition::of(self.volume, points[i as usize])).collect();
-                let mut values = vec![0.0f32; members.len() * per_point];
-                let mut rows = vec![[0.0; FEATURES]; members.len()];
-                for (k, &channel) in features_of.iter().enumerate() {
-                    rows.iter_mut().zip(&below).for_each(|(row, b)| b.features(self.optics(channel), row));
-                    let own: Vec<(f64, f64)> = members.iter().map(|&i| own(i as usize, k)).collect();
-                    for (value, mixed) in
-                        values[k..].iter_mut().step_by(per_point).zip(mixed(&rows, &own, options.ridge))
-                    {
-                        *value = mixed;
-                    }
+        let mut sums = vec![0.0f32; out.len()];
+        let mut weights = vec![0.0f32; points.len()];
+        for &lattice in lattices {
+            let patches = self.patches(points, options.patch_mm, lattice);
+            let fitted = patches
+                .par_iter()
+                .map(|members| {
+                    control.check()?;
+                    Ok(self.fit(points, members, features_of, &own, options.ridge))
+                })
+                .collect::<Result<Vec<Vec<f32>>, TraceError>>()?;
+            for (members, values) in patches.iter().zip(&fitted) {
+                for (&i, values) in members.iter().zip(values.chunks_exact(per_point)) {
+                    let i = i as usize;
+                    let weight = self.inwardness(points[i], options.patch_mm, lattice);
+                    weights[i] += weight;
+                    let sums = sums[i * per_point..].iter_mut();
+                    sums.zip(values).for_each(|(sum, value)| *sum += weight * value);
                 }
-                Ok(values)
-            })
-            .collect::<Result<Vec<Vec<f32>>, TraceError>>()?;
-        for (members, values) in patches.iter().zip(&fitted) {
-            for (&i, value) in members.iter().zip(values.chunks_exact(per_point)) {
-                out[i as usize * per_point..][..per_point].copy_from_slice(value);
             }
+        }
+        for ((out, sums), weight) in
+            out.chunks_exact_mut(per_point).zip(sums.chunks_exact(per_point)).zip(&weights)
+        {
+            out.iter_mut().zip(sums).for_each(|(out, sum)| *out = sum / weight);
         }
         Ok(())
     }
 
+    /// The mixed values of a patch's members, `[member][value]`.
+    fn fit(
+        &self,
+        points: &[u32],
+        members: &[u32],
+        features_of: &[usize],
+        own: &(impl Fn(usize, usize) -> (f64, f64) + Sync),
+        penalty: f64,
+    ) -> Vec<f32> {
+        let per_point = features_of.len();
+        let below: Vec<Composition> =
+            members.iter().map(|&i| Composition::of(self.volume, points[i as usize])).collect();
+        let mut values = vec![0.0f32; members.len() * per_point];
+        let mut rows = vec![[0.0; FEATURES]; members.len()];
+        for (k, &channel) in features_of.iter().enumerate() {
+            rows.iter_mut().zip(&below).for_each(|(row, b)| b.features(self.optics(channel), row));
+            let own: Vec<(f64, f64)> = members.iter().map(|&i| own(i as usize, k)).collect();
+            let mixed = mixed(&rows, &own, penalty);
+            values[k..].iter_mut().step_by(per_point).zip(mixed).for_each(|(value, mixed)| *value = mixed);
+        }
+        values
+    }
+
+    /// How far inside its patch a point lies: 1 in the middle, hardly more than 0 at a border.
+    fn inwardness(&self, point: u32, patch_mm: f64, lattice: f64) -> f32 {
+        let hat = |x: f64| 1.0 - (2.0 * (x / patch_mm + lattice).rem_euclid(1.0) - 1.0).abs();
+        (self.volume.point_mm(point).map(hat).iter().product::<f64>() + 1e-3) as f32
+    }
+
     /// Groups points by cubic cells; positions in `points`.
-    fn patches(&self, points: &[u32], patch_mm: f64) -> Vec<Vec<u32>> {
+    fn patches(&self, points: &[u32], patch_mm: f64, lattice: f64) -> Vec<Vec<u32>> {
         let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
         for (i, &p) in points.iter().enumerate() {
-            let cell = self.volume.point_mm(p).map(|x| (x / patch_mm).floor() as i64);
+            let cell = self.volume.point_mm(p).map(|x| (x / patch_mm + lattice).floor() as i64);
             cells.entry(cell).or_default().push(i as u32);
         }
         let mut patches: Vec<Vec<u32>> = Vec::new();

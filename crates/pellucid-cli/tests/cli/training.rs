@@ -1,10 +1,8 @@
 //! Sets, training and judging as a user meets them: generate, info, verify, five steps, resume, judge.
 
-mod common;
-
 use std::fs;
 
-use common::{run, stderr, stdout};
+use crate::common::{run, stderr, stdout};
 
 #[test]
 fn a_toy_recipe_is_labelled_trained_on_and_judged() {
