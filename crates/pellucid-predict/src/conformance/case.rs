@@ -48,15 +48,15 @@ impl Case {
     /// # Errors
     /// [`PredictError::Unsupported`] past [`MaterialTable::MAX_CHANNELS`].
     pub fn planted(channels: usize) -> Result<Self, PredictError> {
-        let frame = Frame::new([0.0; 3], Pitch::j750(), [22, 19, 36])?;
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [21, 22, 38])?;
         let labels = labelled(frame, |[x, y, z]| {
-            let inside = (2..20).contains(&x) && (3..17).contains(&y) && (2..34).contains(&z);
-            let notch = x > 14 && y > 11;
+            let inside = (9..19).contains(&x) && (12..20).contains(&y) && (10..36).contains(&z);
+            let notch = x > 15 && y > 16;
             if inside && !notch { 1 + ((x * 7 + y * 5 + z / 2 * 3) % 11 % 5) as u8 } else { AIR }
         });
         let surface = Surface::extract(&labels, &SurfaceOptions::default(), &Control::none())?;
         let object = Object::new(surface, materials(channels)?, 1.5)?;
-        Self::new(Arc::new(object), labels, 200)
+        Self::new(Arc::new(object), labels, 120)
     }
 
     /// Labels of the same shape that differ in every third tile, from tile `first` on: every solid voxel's material is
