@@ -1,7 +1,7 @@
 //! The path tracer: paths a second by instruction set, preparation of a volume, assisted radiance.
 //!
-//! `cargo bench -p pellucid-benches --bench tracer`. The study of error against run time is
-//! `pellucid study tracer`; Mitsuba's figures come from `benches/peers/mitsuba_cube.py`.
+//! `cargo bench -p pellucid-benches --bench tracer`. The study of error against run time is the benchmark
+//! `tracer_error`; Mitsuba's figures come from `benches/peers/mitsuba_cube.py`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use pellucid_benches::volumes;

@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use pellucid_benches::plot::{Series, log_log};
+use pellucid_benches::study::{Axis, Panel, Plot, Series};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut paths = std::env::args().skip(1);
@@ -21,19 +21,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rows: Vec<Vec<&str>> = lines.collect();
     // Fields that were not measured are empty, and not drawn.
     let value = |row: &[&str], at: usize| row.get(at).and_then(|v| v.parse().ok()).unwrap_or(f64::NAN);
-    let series = |name, color, at| Series {
-        name,
-        color,
-        points: rows.iter().map(|row| (value(row, samples), value(row, at))).collect(),
+    let series = |name: &str, at| Series {
+        name: name.to_owned(),
+        points: rows.iter().map(|row| [value(row, samples), value(row, at)]).collect(),
     };
-    let plot = log_log(
-        "samples",
-        "RMSE",
-        &[
-            series("training (with label noise)", "#777", training),
-            series("validation, averaged weights", "#06c", validation),
-        ],
-    );
-    std::fs::write(&svg, plot).map_err(|e| format!("{svg}: {e}"))?;
+    let series = vec![
+        series("training (with label noise)", training),
+        series("validation, averaged weights", validation),
+    ];
+    let points = || series.iter().flat_map(|s| &s.points);
+    let plot = Plot {
+        x: Axis::around("samples", points().map(|p| p[0])),
+        y: Axis::around("RMSE", points().map(|p| p[1])),
+        panels: vec![Panel { title: "training".into(), series: series.clone() }],
+    };
+    std::fs::write(&svg, plot.svg()).map_err(|e| format!("{svg}: {e}"))?;
     Ok(())
 }

@@ -1,6 +1,12 @@
-//! What the benchmarks share: test volumes, the dense tables that they compare with, plots.
+//! What the benchmarks and studies share.
+//!
+//! | module | owns |
+//! | --- | --- |
+//! | [`volumes`] | test volumes |
+//! | [`dense`] | the dense tables that summed-area tables are compared with |
+//! | [`study`] | settings, records, tables and plots of the studies |
 #![forbid(unsafe_code)]
 
 pub mod dense;
-pub mod plot;
+pub mod study;
 pub mod volumes;

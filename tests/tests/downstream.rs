@@ -11,6 +11,7 @@ use pellucid::color::{MixtureModel, spectrum::Illuminant};
 use pellucid::core::Control;
 use pellucid::mesh::Scale;
 use pellucid::predict::{Changed, Draw, MonteCarlo, Object, Pass, Predictor};
+use pellucid::refine::Effort;
 use pellucid::slice::{ImageStack, PrintTarget, list_images, read_images};
 use pellucid::voxel::{Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions};
 use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
@@ -19,7 +20,9 @@ use pellucid_tests::{patched_ball, spectral_cmykw};
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn small() -> PrintSettings {
-    let mut settings = PrintSettings { scale: Scale::HeightMm(1.5), spp: 4, ..PrintSettings::default() };
+    let judge = Effort { points: 500, point_passes: 4, surface_passes: 2 };
+    let mut settings =
+        PrintSettings { scale: Scale::HeightMm(1.5), spp: 4, judge, ..PrintSettings::default() };
     settings.refine.iterations = 2;
     settings
 }

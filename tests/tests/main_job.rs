@@ -106,7 +106,7 @@ fn the_network_refines_too_and_path_tracing_agrees_that_it_helped() {
     s.predictor = PredictorKind::Rpnn;
     s.refine.iterations = 3;
     let prepared = prepare(s.clone());
-    assert_eq!(prepared.record.predictor.name, "rpnn");
+    assert_eq!(prepared.record.predictor.name, "rpnn+mc");
     assert!(prepared.record.predictor.weights.is_some());
     let report = &prepared.refined.report;
     assert!(report.iterations.iter().all(|i| i.outside_training == 0 && i.paths > 0));
@@ -166,7 +166,8 @@ fn cancelling_any_stage_ends_the_job_and_leaves_nothing() {
         // A stage that never reports is not cancelled in its midst; then the job runs through.
         if flag.load(Ordering::Relaxed) && !(at_progress && result.is_ok()) {
             assert!(result.err().is_some_and(|e| e.is_cancelled()), "{stage:?} {at_progress}");
-            assert!(observer.after.lock().unwrap().is_empty(), "{stage:?}: a stage began after the flag");
+            // The last report of a stage may be its end: the next one begins, and ends at once.
+            assert!(observer.after.lock().unwrap().len() <= usize::from(at_progress), "{stage:?}");
         } else {
             assert!(at_progress && matches!(stage, Stage::Proof | Stage::Color), "{stage:?}");
         }

@@ -7,14 +7,14 @@ use pellucid::voxel::MaterialTable;
 
 use crate::Failure;
 
-/// Heights in mm that anybody prints.
-const HEIGHT_MM: std::ops::RangeInclusive<f64> = 0.05..=10_000.0;
+/// Heights and widths in mm that anybody prints.
+const SIZE_MM: std::ops::RangeInclusive<f64> = 0.05..=10_000.0;
 
-/// A height in mm.
-pub fn height_mm(text: &str) -> Result<f64, String> {
-    let allowed = format!("a height is {} to {} mm", HEIGHT_MM.start(), HEIGHT_MM.end());
+/// A height or width in mm.
+pub fn size_mm(text: &str) -> Result<f64, String> {
+    let allowed = format!("it is {} to {} mm", SIZE_MM.start(), SIZE_MM.end());
     let value: f64 = text.parse().map_err(|_| format!("not a number; {allowed}"))?;
-    if HEIGHT_MM.contains(&value) { Ok(value) } else { Err(allowed) }
+    if SIZE_MM.contains(&value) { Ok(value) } else { Err(allowed) }
 }
 
 /// A refractive index.
@@ -44,14 +44,7 @@ pub fn count(text: &str) -> Result<u32, String> {
 
 /// A printer by its name, or its profile's file.
 pub fn printer(name_or_file: &str) -> Result<PrintTarget, Failure> {
-    match PrintTarget::by_name(name_or_file) {
-        Some(printer) => Ok(printer),
-        None if Path::new(name_or_file).exists() => Ok(PrintTarget::load(Path::new(name_or_file))?),
-        None => Err(Failure::message(format!(
-            "--printer {name_or_file}: neither a file nor a printer that is known ({})",
-            PrintTarget::NAMES.join(", ")
-        ))),
-    }
+    Ok(PrintTarget::by_name_or_file(name_or_file)?)
 }
 
 /// Materials of a file.

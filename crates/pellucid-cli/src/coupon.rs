@@ -38,11 +38,12 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let materials = args.materials.as_deref().map_or(Ok(MaterialTable::cmykw()), arguments::materials)?;
     let grid = slice::coupon(&printer, &materials, &args.plate, &args.letter)?;
     let settings = ExportSettings {
+        force: args.force,
         generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
         ..ExportSettings::default()
     };
     let control = Control::none().with_cancel(cancel);
-    slice::export(&grid, &materials, &printer, &settings, &args.out, args.force, &control)?;
+    slice::export(&grid, &materials, &printer, &settings, &args.out, &control)?;
     terminal::print(&format!(
         "looking down on the print, the F must read as on a page; if it is mirrored, change row_order in the \
          printer's profile\nwrote {}\n",

@@ -4,11 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use pellucid::dataset::{self, DatasetError, Recipe, SetHeader, Shard};
+use pellucid::core::{FileError, files};
+use pellucid::dataset::{self, Errors, Judgement, LabelledSet, Recipe, SetHeader, Shard};
+use pellucid::training::judge_network;
 use pellucid::voxel::{Control, MaterialTable};
-use pellucid_core::{FileError, chain};
+use serde_json::{Value, json};
 
-use crate::Failure;
+use crate::train::Format;
+use crate::{Failure, terminal};
 
 /// What to do with files of labelled points.
 #[derive(clap::Subcommand)]
@@ -19,6 +22,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Make some volumes of a file again and compare them bit by bit
     Verify(VerifyArgs),
+    /// Tell a network's errors on labelled points, by family of shapes and by channel
+    Judge(JudgeArgs),
 }
 
 /// Arguments of `pellucid dataset generate`.
@@ -59,6 +64,23 @@ pub struct VerifyArgs {
     seed: u64,
 }
 
+/// Arguments of `pellucid dataset judge`.
+#[derive(clap::Args)]
+pub struct JudgeArgs {
+    /// Files made by `generate`, each a whole split
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Weights to judge, made by `pellucid train`; those the program carries without it
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
+    /// Number format of matrix products
+    #[arg(long, value_enum, default_value_t = Format::F32)]
+    precision: Format,
+    /// Write the figures to this file too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
 fn parse_shard(text: &str) -> Result<Shard, String> {
     let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     let (index, count) = numbers.ok_or("write it as 0/4")?;
@@ -67,23 +89,18 @@ fn parse_shard(text: &str) -> Result<Shard, String> {
 
 /// Runs the command.
 pub fn run(command: &Command, cancel: &AtomicBool) -> Result<(), Failure> {
-    let done = match command {
-        Command::Generate(args) => generate(args, cancel),
-        Command::Info(args) => args.files.iter().try_for_each(|file| info(file)),
-        Command::Verify(args) => args.files.iter().try_for_each(|file| {
-            let volumes =
-                with_bar(cancel, |control| dataset::verify(file, args.volumes, args.seed, control))?;
-            println!("{}: {volumes} volumes are as this version makes them", file.display());
-            Ok(())
+    match command {
+        Command::Generate(args) => generate(args, cancel).map_err(|failure| match failure {
+            Failure::Cancelled(_) => Failure::Cancelled("the same command goes on where it was".into()),
+            other => other,
         }),
-    };
-    done.map_err(|error| match error {
-        DatasetError::Cancelled => Failure::Cancelled,
-        other => Failure::Error(chain(&other)),
-    })
+        Command::Info(args) => args.files.iter().try_for_each(|file| info(file)),
+        Command::Verify(args) => args.files.iter().try_for_each(|file| verify(args, file, cancel)),
+        Command::Judge(args) => judge(args, cancel),
+    }
 }
 
-fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), DatasetError> {
+fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), Failure> {
     let recipe = Recipe::read(&args.recipe)?;
     let splits = if args.split.is_empty() {
         recipe.splits.iter().map(|s| s.name.clone()).filter(|name| name != "train").collect()
@@ -98,16 +115,16 @@ fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), DatasetError
             materials: MaterialTable::cmykw(),
             shard: args.shard.unwrap_or(Shard::WHOLE),
         };
-        info(&with_bar(cancel, |control| dataset::generate(&args.out, &header, control))?)?;
+        info(&with_bar("volumes", cancel, |control| dataset::generate(&args.out, &header, control))?)?;
     }
     Ok(())
 }
 
-fn info(file: &Path) -> Result<(), DatasetError> {
+fn info(file: &Path) -> Result<(), Failure> {
     let info = dataset::info(file)?;
     let Shard { index, count } = info.header.shard;
-    println!(
-        "{}: recipe {:?} seed {}, split {:?}, part {index} of {count}, {} samples, mean radiance {:.4}, standard error {:.5} rms, {:.5} at most",
+    terminal::print(&format!(
+        "{}: recipe {} seed {}, split {}, part {index} of {count}, {} samples, mean radiance {:.4}, standard error {:.5} rms, {:.5} at most\n",
         file.display(),
         info.header.recipe.name,
         info.header.recipe.seed,
@@ -116,14 +133,99 @@ fn info(file: &Path) -> Result<(), DatasetError> {
         info.mean,
         info.rms_std_error,
         info.max_std_error
-    );
+    ))?;
     Ok(())
 }
 
-/// Shows the volumes done on a terminal.
-fn with_bar<T>(cancel: &AtomicBool, work: impl FnOnce(&Control<'_>) -> T) -> T {
+fn verify(args: &VerifyArgs, file: &Path, cancel: &AtomicBool) -> Result<(), Failure> {
+    let volumes =
+        with_bar("volumes", cancel, |control| dataset::verify(file, args.volumes, args.seed, control))?;
+    terminal::print(&format!("{}: {volumes} volumes are as this version makes them\n", file.display()))?;
+    Ok(())
+}
+
+fn judge(args: &JudgeArgs, cancel: &AtomicBool) -> Result<(), Failure> {
+    let network = match &args.weights {
+        Some(path) => pellucid::rpnn::file::load(path)?,
+        None => pellucid::rpnn::shipped()?,
+    };
+    let mut judgements = Vec::new();
+    for file in &args.files {
+        let set = with_bar("volumes", cancel, |control| LabelledSet::load(&[file], control))?;
+        let judgement = with_bar("samples", cancel, |control| {
+            judge_network(&network, args.precision.precision(), &set, control)
+        })?;
+        terminal::print(&table(file, set.header(), &judgement))?;
+        judgements.push(figures(set.header(), &judgement));
+    }
+    if let Some(path) = &args.json {
+        files::write_whole(path, |out| {
+            serde_json::to_writer_pretty(&mut *out, &judgements)?;
+            writeln!(out)
+        })?;
+    }
+    Ok(())
+}
+
+/// Lines of figures for people.
+fn table(file: &Path, header: &SetHeader, judgement: &Judgement) -> String {
+    let mut text = format!("{}: recipe {}, split {}\n", file.display(), header.recipe.name, header.split);
+    text += &format!("  {:12} {:>8} {:>8} {:>8} {:>8}\n", "part", "samples", "rmse", "bias", "p95");
+    let mut row = |part: &str, Errors { score, absolute }: &Errors| {
+        text += &format!(
+            "  {part:12} {:>8} {:>8.4} {:>+8.4} {:>8.4}\n",
+            score.count(),
+            score.rmse(),
+            score.bias(),
+            absolute.p95
+        );
+    };
+    row("all", &judgement.whole);
+    for (shape, errors) in &judgement.classes {
+        row(shape.name(), errors);
+    }
+    for (channel, errors) in header.materials.channel_names().iter().zip(&judgement.channels) {
+        row(&format!("channel {channel}"), errors);
+    }
+    text
+}
+
+/// The same for programs.
+fn figures(header: &SetHeader, judgement: &Judgement) -> Value {
+    let figures = |Errors { score, absolute }: &Errors| {
+        json!({
+            "samples": score.count(),
+            "rmse": score.rmse(),
+            "raw_rmse": score.raw_rmse(),
+            "bias": score.bias(),
+            "p95": absolute.p95,
+        })
+    };
+    let shapes: Vec<Value> = judgement
+        .classes
+        .iter()
+        .map(|(shape, errors)| json!({ "shape": shape.name(), "errors": figures(errors) }))
+        .collect();
+    let names = header.materials.channel_names();
+    let channels: Vec<Value> = names
+        .iter()
+        .zip(&judgement.channels)
+        .map(|(channel, errors)| json!({ "channel": channel, "errors": figures(errors) }))
+        .collect();
+    json!({
+        "recipe": header.recipe.name,
+        "split": header.split,
+        "all": figures(&judgement.whole),
+        "shapes": shapes,
+        "channels": channels,
+    })
+}
+
+/// Shows the volumes or samples done on a terminal.
+fn with_bar<T>(what: &str, cancel: &AtomicBool, work: impl FnOnce(&Control<'_>) -> T) -> T {
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{pos:>6} of {len} volumes [{bar:32}] {eta} left") {
+    if let Ok(style) = ProgressStyle::with_template("{pos:>6} of {len} {msg} [{bar:32}] {eta} left") {
+        bar.set_message(what.to_owned());
         bar.set_style(style.progress_chars("=> "));
     }
     let progress = |done: u64, total: u64| {

@@ -68,14 +68,22 @@ from_errors! {
     pellucid::trace::TraceError,
     pellucid::dataset::DatasetError,
     pellucid::rpnn::RpnnError,
+    pellucid::training::TrainingError,
     pellucid::voxel::VoxelError,
 }
 
-impl From<pellucid::core::FileError> for Failure {
-    fn from(error: pellucid::core::FileError) -> Self {
-        Self::of(&error)
-    }
+/// Errors that are never a cancellation.
+macro_rules! from_plain_errors {
+    ($($error:path),* $(,)?) => {$(
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::of(&error)
+            }
+        }
+    )*};
 }
+
+from_plain_errors!(pellucid::core::FileError, pellucid::core::staging::StagingError);
 
 /// Standard output could not be written.
 impl From<std::io::Error> for Failure {

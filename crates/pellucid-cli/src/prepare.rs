@@ -30,8 +30,12 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
     /// Height of the print in mm; the model's own size (metres) without it
-    #[arg(long, value_name = "MM", value_parser = arguments::height_mm, allow_hyphen_values = true)]
+    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true)]
     height_mm: Option<f64>,
+    /// Width of the print in mm, along x, instead of its height
+    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true,
+          conflicts_with = "height_mm")]
+    width_mm: Option<f64>,
     /// Printer: j750, or the file of a profile
     #[arg(long, value_name = "NAME|FILE")]
     printer: Option<String>,
@@ -124,6 +128,9 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
     if let Some(mm) = args.height_mm {
         settings.scale = Scale::HeightMm(mm);
     }
+    if let Some(mm) = args.width_mm {
+        settings.scale = Scale::WidthMm(mm);
+    }
     if let Some(printer) = &args.printer {
         settings.printer = arguments::printer(printer)?;
     }
@@ -153,10 +160,9 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
 
 /// The job's checkpoints: a new job's, or an interrupted one's with `--resume`.
 fn workspace(args: &Args) -> Result<Workspace, Failure> {
-    for partial in staging::remains(&args.out) {
+    for partial in staging::remains(&args.out)? {
         terminal::note(format!(
-            "warning: a run that was interrupted while it wrote left {}; nothing reads it, remove it when no other run \
-             is writing",
+            "warning: a run that was interrupted while it wrote left {}; nothing reads it, remove it",
             partial.display()
         ));
     }

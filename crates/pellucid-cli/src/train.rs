@@ -1,30 +1,21 @@
 //! `pellucid train`: weights from a recipe.
 
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use clap::ValueEnum;
-use pellucid::dataset::{
-    LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, StoredVolumes, Stream, StreamOptions,
-};
-use pellucid::rpnn::file::{Provenance, save};
-use pellucid::rpnn::train::{SampleSource, Score, TrainSettings, Trainer};
+use pellucid::core::Fault;
+use pellucid::dataset::{Recipe, StreamOptions};
+use pellucid::rpnn::Precision;
+use pellucid::rpnn::train::{Score, TrainSettings, Trainer};
 use pellucid::rpnn::transform::{InputForm, LevelOrder};
-use pellucid::rpnn::{Precision, RpnnError};
-use pellucid::trace::Boundary;
+use pellucid::training::{
+    self, Outcome, RunSettings, TrainingError, TrainingSet, provenance, validation_set,
+};
 use pellucid::voxel::{Control, MaterialTable};
-use rayon::prelude::*;
 
-use crate::Failure;
-
-/// Steps between rows of the loss curve.
-const RECORD: u64 = 100;
-/// Steps between validations at the start of a run; later every checkpoint validates.
-const FIRST_VALIDATIONS: [u64; 4] = [250, 500, 1000, 2000];
-/// Length of a run until its speed is known.
-const UNPLANNED: u64 = 1 << 20;
+use crate::{Failure, terminal};
 
 /// Trains the appearance network on procedural volumes
 #[derive(clap::Args)]
@@ -168,145 +159,75 @@ impl Format {
     }
 }
 
-/// A split's labelled points in memory.
-struct Set {
-    stencils: Vec<f32>,
-    radiance: Vec<f32>,
-    std_error: Vec<f32>,
-}
-
-struct Source<'a>(Stream, Control<'a>);
-
-impl SampleSource for Source<'_> {
-    fn batch(
-        &mut self,
-        index: u64,
-        stencils: &mut [f32],
-        radiance: &mut [f32],
-    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        Ok(self.0.batch(index, stencils, radiance, &self.1)?)
-    }
-}
-
 /// Runs the command.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
-    train(args, cancel).map_err(|e| {
-        if cancel.load(Ordering::Relaxed) {
-            Failure::Cancelled
-        } else {
-            Failure::Error(pellucid_core::chain(e.as_ref()))
-        }
-    })
-}
-
-type Error = Box<dyn std::error::Error + Send + Sync>;
-
-fn train(args: &Args, cancel: &AtomicBool) -> Result<(), Error> {
-    let control = Control::none().with_cancel(cancel);
-    let stored = match args.stored.is_empty() {
-        true => None,
-        false => Some(StoredVolumes::load(&args.stored)?),
+    let control = &Control::none().with_cancel(cancel);
+    let set = match &args.recipe {
+        None => TrainingSet::stored(&args.stored)?,
+        Some(recipe) => TrainingSet::of_recipe(Recipe::read(recipe)?, &args.split, MaterialTable::cmykw())?,
     };
-    let materials =
-        stored.as_ref().map_or_else(MaterialTable::cmykw, |stored| stored.header().materials.clone());
-    let recipe = match (&stored, &args.recipe) {
-        (Some(stored), _) => stored.header().recipe.clone(),
-        (None, Some(path)) => Recipe::read(path)?,
-        (None, None) => return Err("--recipe or --stored is needed".into()),
-    };
-    let boundary = Boundary::with_index(recipe.refractive_index)?;
-    std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
-    let state = args.out.join("run.safetensors");
-    let mut trainer = start_or_resume(args, &state)?.with_engine(args.engine.network())?;
-    let split = match &stored {
-        Some(stored) => stored.header().split()?.clone(),
-        None => recipe.split(&args.split)?.clone(),
-    };
+    let mut trainer = start_or_resume(args)?.with_engine(args.engine.network())?;
+    let defaults = set.options(trainer.settings().batch, trainer.settings().seed)?;
     let options = StreamOptions {
-        batch: trainer.settings().batch,
         window: args.window,
-        points: args.points.unwrap_or(split.points),
-        spp: args.spp.unwrap_or(split.spp),
-        boundary,
-        seed: trainer.settings().seed,
+        points: args.points.unwrap_or(defaults.points),
+        spp: args.spp.unwrap_or(defaults.spp),
         threads: args.threads,
+        ..defaults
     };
+    let header = set.header().clone();
     let validation = (args.validation != "none")
-        .then(|| match args.validation.ends_with(".set") {
-            true => stored_set(Path::new(&args.validation), &control),
-            false => labelled(&recipe, &args.validation, &materials, boundary, &control),
-        })
+        .then(|| validation_set(&args.validation, &header, control))
         .transpose()?;
-    let trained = Sampler::new(&recipe, &split.name, &materials, boundary)?;
-    let provenance = |trainer: &Trainer| provenance(trainer, &recipe, trained.materials(), &options);
-    let stream = match stored {
-        Some(stored) => Stream::stored(stored, options.clone())?,
-        None => Stream::new(&recipe, &split.name, &materials, options.clone())?,
+    let command = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let provenance = |trainer: &Trainer| Ok(provenance(trainer, &header, &options, &command)?);
+    let settings = RunSettings {
+        folder: args.out.clone(),
+        checkpoint: Duration::from_secs_f64(60.0 * args.checkpoint.clamp(0.05, 600.0)),
+        minutes: args.minutes,
     };
-    let mut source = Source(stream, control);
-
-    let (start, first_step) = (Instant::now(), trainer.steps_done());
-    let every = Duration::from_secs_f64(60.0 * args.checkpoint.clamp(0.05, 600.0));
-    let mut saved = start;
-    let write = |trainer: &Trainer| -> Result<(), RpnnError> {
-        trainer.save(&state)?;
-        trainer.curve().write_csv(&args.out.join("curve.csv"))?;
-        save(&args.out.join("weights.safetensors"), &trainer.averaged()?, &provenance(trainer))
-    };
-    let run = trainer.run(&mut source, |trainer, report| {
-        if cancel.load(Ordering::Relaxed) {
-            return Ok(ControlFlow::Break(()));
+    let stream = set.into_stream(options.clone())?;
+    let outcome = training::run(
+        &mut trainer,
+        stream,
+        validation.as_ref(),
+        &settings,
+        &provenance,
+        &mut progress,
+        control,
+    )?;
+    match outcome {
+        Outcome::Finished => {
+            terminal::print(&format!("wrote {}\n", args.out.join(training::WEIGHTS_FILE).display()))?;
+            Ok(())
         }
-        let due = saved.elapsed() >= every || trainer.finished();
-        let validate = due || FIRST_VALIDATIONS.contains(&report.step);
-        if !validate && !report.step.is_multiple_of(RECORD) {
-            return Ok(ControlFlow::Continue(()));
-        }
-        let score = match &validation {
-            Some(set) if validate => Some(trainer.validate(&set.stencils, &set.radiance, &set.std_error)?),
-            _ => None,
-        };
-        trainer.record(report, score);
-        if due {
-            saved = Instant::now();
-            if let Some(minutes) = args.minutes {
-                fit_length(trainer, minutes, start, first_step)?;
-            }
-            write(trainer)?;
-        }
-        if let Some(score) = score {
-            let steps = (trainer.steps_done() - first_step) as f64;
-            progress(trainer, &score, steps / start.elapsed().as_secs_f64());
-        }
-        Ok(ControlFlow::Continue(()))
-    });
-    if cancel.load(Ordering::Relaxed) {
-        write(&trainer)?;
-        eprintln!("stopped after step {}; --resume goes on from there", trainer.steps_done());
-        return Ok(());
+        Outcome::Stopped => Err(Failure::Cancelled(format!(
+            "{} holds step {}; --resume goes on from there",
+            args.out.display(),
+            trainer.steps_done()
+        ))),
     }
-    run?;
-    println!("wrote {}", args.out.join("weights.safetensors").display());
-    Ok(())
 }
 
 /// A new run, or the one whose state the output folder holds.
-fn start_or_resume(args: &Args, state: &Path) -> Result<Trainer, Error> {
+fn start_or_resume(args: &Args) -> Result<Trainer, TrainingError> {
+    let state = args.out.join(training::STATE_FILE);
     if args.resume {
-        let mut trainer = Trainer::resume(state)?;
+        let mut trainer = Trainer::resume(&state)?;
         if let Some(steps) = args.steps {
             trainer.set_steps(steps)?;
         }
         return Ok(trainer);
     }
     if state.exists() {
-        return Err(format!("{} exists; --resume goes on from it", state.display()).into());
+        let fault = Fault::new("--out", format!("{} exists", state.display()));
+        return Err(TrainingError::Invalid(fault.remedy("--resume goes on from it")));
     }
     let defaults = TrainSettings::default();
     Ok(Trainer::new(TrainSettings {
         form: InputForm { order: args.order.network(), ..defaults.form },
         variant: args.variant.network(),
-        steps: args.steps.unwrap_or(UNPLANNED),
+        steps: args.steps.unwrap_or(training::UNPLANNED_STEPS),
         peak_rate: args.rate,
         precision: args.precision.precision(),
         seed: args.seed,
@@ -314,21 +235,9 @@ fn start_or_resume(args: &Args, state: &Path) -> Result<Trainer, Error> {
     })?)
 }
 
-/// Sets the number of steps so that the run, at its mean speed so far, ends `minutes` after its start. In its
-/// last third the length stays as it is, so that the learning rate comes to rest.
-fn fit_length(trainer: &mut Trainer, minutes: f64, start: Instant, first: u64) -> Result<(), RpnnError> {
-    let (passed, all) = (start.elapsed().as_secs_f64(), 60.0 * minutes);
-    let done = trainer.steps_done();
-    if trainer.finished() || passed > 0.67 * all && trainer.settings().steps < UNPLANNED {
-        return Ok(());
-    }
-    let left = (all - passed).max(0.0) * (done - first) as f64 / passed;
-    trainer.set_steps(done + (left as u64).max(1).max((trainer.settings().warm_up + 1).saturating_sub(done)))
-}
-
 fn progress(trainer: &Trainer, score: &Score, steps_a_second: f64) {
     let batch = trainer.settings().batch as u64;
-    println!(
+    terminal::note(format!(
         "step {} of {}: {:.2} M samples, {:.0}/s; validation rmse {:.4}, bias {:+.4}, p95 {:.4}; {:.1} min in all",
         trainer.steps_done(),
         trainer.settings().steps,
@@ -338,73 +247,5 @@ fn progress(trainer: &Trainer, score: &Score, steps_a_second: f64) {
         score.bias,
         score.p95,
         trainer.seconds() / 60.0
-    );
-}
-
-/// Labels a split as it asks for: its numbers of volumes and points, its paths or standard error.
-fn labelled(
-    recipe: &Recipe,
-    split: &str,
-    materials: &MaterialTable,
-    boundary: Boundary,
-    control: &Control<'_>,
-) -> Result<Set, Error> {
-    let sampler = Sampler::new(recipe, split, materials, boundary)?;
-    let (volumes, points, labelling) =
-        (sampler.split().volumes, sampler.split().points, Labelling::of(sampler.split()));
-    let made = (0..volumes)
-        .into_par_iter()
-        .map(|volume| sampler.samples(volume, points, labelling, control))
-        .collect::<Result<Vec<_>, _>>()?;
-    Ok(Set {
-        stencils: made.iter().flat_map(|s| s.stencils.to_f32()).collect(),
-        radiance: made.iter().flat_map(|s| s.radiance.iter().copied()).collect(),
-        std_error: made.iter().flat_map(|s| s.std_error.iter().copied()).collect(),
-    })
-}
-
-/// A set that was labelled before.
-fn stored_set(path: &Path, control: &Control<'_>) -> Result<Set, Error> {
-    let set = LabelledSet::load(&[path], control)?;
-    let mut stencils = vec![0.0; set.len() * STENCIL_VALUES];
-    set.stencils(0, &mut stencils);
-    Ok(Set { stencils, radiance: set.radiance().to_vec(), std_error: set.std_error().to_vec() })
-}
-
-/// What the weights were trained for, and how.
-fn provenance(
-    trainer: &Trainer,
-    recipe: &Recipe,
-    materials: &MaterialTable,
-    options: &StreamOptions,
-) -> Provenance {
-    let range = |values: &dyn Fn(&pellucid::voxel::Material) -> Vec<f32>| {
-        let all: Vec<f64> = materials.materials().iter().flat_map(values).map(f64::from).collect();
-        [all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max)]
-    };
-    let s = trainer.settings();
-    let validation = trainer.curve().points.iter().rev().find_map(|p| p.validation);
-    let validation = validation.map_or(String::new(), |v| {
-        format!("; validation rmse {:.4}, bias {:+.4} over {} samples", v.rmse, v.bias, v.samples)
-    });
-    Provenance {
-        form: s.form,
-        pitch_mm: recipe.pitch.mm(),
-        refractive_index: recipe.refractive_index,
-        sigma_s_range: range(&|m| m.sigma_s.clone()),
-        sigma_a_range: range(&|m| m.sigma_a.clone()),
-        history: format!(
-            "pellucid {} {}; recipe {:?}; {} of {} steps of {} samples at {} paths, {} points a volume; \
-             {:.0} minutes{validation}",
-            env!("CARGO_PKG_VERSION"),
-            std::env::args().skip(1).collect::<Vec<_>>().join(" "),
-            recipe.name,
-            trainer.steps_done(),
-            s.steps,
-            s.batch,
-            options.spp,
-            options.points,
-            trainer.seconds() / 60.0
-        ),
-    }
+    ));
 }

@@ -3,16 +3,16 @@
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-use pellucid::trace::TraceError;
 use pellucid::trace::cases::{Case, VoxelCase, read_cases};
 use pellucid::voxel::{Control, Pitch};
 
 use crate::Failure;
+use crate::terminal::print;
 
 /// Compares the path tracer with reference radiances
 #[derive(clap::Args)]
 pub struct Args {
-    /// Reference cases in JSON: geometry, medium, point and radiance of each
+    /// Reference cases in JSON, such as datasets/reference/radiance.json: geometry, medium, point and radiance of each
     cases: PathBuf,
     /// Paths per estimate; by default as many as bring the standard error to 0.0007
     #[arg(long, value_parser = clap::value_parser!(u32).range(2..))]
@@ -44,63 +44,69 @@ impl Summary {
         }
     }
 
-    fn print(&self, what: &str) {
+    fn line(&self, what: &str) -> String {
         let rms = (self.squares / f64::from(self.count.max(1))).sqrt();
-        println!(
-            "{what}: {} cases, rms z {rms:.3}, worst z {:+.2} ({})",
+        format!(
+            "{what}: {} cases, rms z {rms:.3}, worst z {:+.2} ({})\n",
             self.count, self.worst, self.worst_case
-        );
+        )
     }
 }
 
 /// Runs the command; prints a row a case and a summary.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
-    validate(args, &Control::none().with_cancel(cancel)).map_err(|error| match error {
-        TraceError::Cancelled => Failure::Cancelled,
-        other => Failure::Error(other.to_string()),
-    })
-}
-
-fn validate(args: &Args, control: &Control<'_>) -> Result<(), TraceError> {
+    let control = &Control::none().with_cancel(cancel);
     let cases = read_cases(&args.cases)?;
     let width = cases.iter().map(|c| c.id.len()).max().unwrap_or(4).max(4);
-    print!("{:width$}  {:>8} {:>8} {:>9} {:>6}", "case", "value", "std err", "reference", "z");
-    println!("{}", if args.no_voxels { "" } else { "   voxels  std err    error  error/se" });
+    let of_voxels = if args.no_voxels { "" } else { "   voxels  std err    error  error/se" };
+    print(&format!(
+        "{:width$}  {:>8} {:>8} {:>9} {:>6}{of_voxels}\n",
+        "case", "value", "std err", "reference", "z"
+    ))?;
     let (mut analytic, mut voxels) = (Summary::default(), Summary::default());
     let mut error_squares = 0.0;
-    let mut cached: Option<(String, VoxelCase)> = None;
+    let mut cached: Option<(&Case, VoxelCase)> = None;
     for (i, case) in cases.iter().enumerate() {
         // Seeds of their own, or cases of equal optical thickness would share their noise.
         let seed = args.seed.wrapping_add((i as u64) << 32);
         let estimate = case.analytic(args.spp, seed, control)?;
         let z = case.z(&estimate);
         analytic.add(z, case);
-        print!(
+        print(&format!(
             "{:width$}  {:8.5} {:8.5} {:9.5} {z:+6.2}",
             case.id, estimate.value, estimate.std_error, case.reference
-        );
+        ))?;
         if args.no_voxels {
-            println!();
+            print("\n")?;
             continue;
         }
         // Cases often share their object.
-        let key = format!("{:?} {:?} {:?}", case.scene.shape(), case.scene.medium(), case.point_mm);
-        if cached.as_ref().is_none_or(|(k, _)| *k != key) {
+        if cached.as_ref().is_none_or(|(of, _)| !same_object(of, case)) {
             drop(cached.take());
-            cached = Some((key, case.voxelise(Pitch::j750(), control)?));
+            cached = Some((case, case.voxelise(Pitch::j750(), control)?));
         }
         let Some((_, object)) = &cached else { continue };
         let estimate = case.voxelised(object, args.spp, seed ^ 1, control)?;
         let (error, z) = (estimate.value - case.reference, case.z(&estimate));
         voxels.add(z, case);
         error_squares += error * error;
-        println!(" {:9.5} {:8.5} {error:+8.5} {z:+9.2}", estimate.value, estimate.std_error);
+        print(&format!(" {:9.5} {:8.5} {error:+8.5} {z:+9.2}\n", estimate.value, estimate.std_error))?;
     }
-    analytic.print("analytic geometry");
+    print(&analytic.line("analytic geometry"))?;
     if !args.no_voxels {
-        voxels.print("voxels of 600 x 300 x 940 DPI");
+        print(&voxels.line("voxels of 600 x 300 x 940 DPI"))?;
         let rms = (error_squares / cases.len().max(1) as f64).sqrt();
-        println!("voxel error: rms {rms:.5}; it holds what voxels change of the object, beside the noise");
+        print(&format!(
+            "voxel error: rms {rms:.5}; it holds what voxels change of the object, beside the noise\n"
+        ))?;
     }
     Ok(())
+}
+
+/// Whether two cases have the same voxels: shape, filling and point; coefficients may differ.
+fn same_object(a: &Case, b: &Case) -> bool {
+    a.scene.shape() == b.scene.shape()
+        && a.scene.medium() == b.scene.medium()
+        && a.point_mm == b.point_mm
+        && a.normal == b.normal
 }

@@ -7,7 +7,9 @@ use pellucid_voxel::Channels;
 
 use crate::ColorError;
 use crate::space::Xyz;
-use crate::spectrum_data::{D50, D65, ENTRIES, MATCHING, START_NM, STEP_NM};
+use crate::spectrum_data::{D50, D65, STEP_NM, linear, observer};
+
+pub use crate::spectrum_data::VISIBLE_NM;
 
 /// Number of bands of the usual spectra.
 pub const BANDS: usize = 31;
@@ -34,9 +36,6 @@ pub enum Illuminant {
     E,
 }
 
-/// Wavelengths in nm over which the observer and the illuminants are tabulated.
-pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = START_NM..=START_NM + STEP_NM * (ENTRIES - 1) as f64;
-
 impl Illuminant {
     /// Relative power at a wavelength, linear between the tabulated ones as the CIE has it.
     fn power(self, nm: f64) -> f64 {
@@ -45,8 +44,7 @@ impl Illuminant {
             Self::D50 => &D50,
             Self::E => return 100.0,
         };
-        let (i, part) = entry(nm);
-        if part == 0.0 { table[i] } else { table[i] + part * (table[i + 1] - table[i]) }
+        linear(table, nm)
     }
 
     /// Rows X, Y, Z over the 31 bands: the weights of a reflectance or radiance factor, scaled so
@@ -175,30 +173,6 @@ impl Illuminant {
     }
 }
 
-/// The entry at or before a wavelength within [`VISIBLE_NM`], and how far on the way to the next it lies.
-fn entry(nm: f64) -> (usize, f64) {
-    let at = (nm - START_NM) / STEP_NM;
-    let i = (at.floor().max(0.0) as usize).min(ENTRIES - 1);
-    (i, if i + 1 == ENTRIES { 0.0 } else { at - i as f64 })
-}
-
-/// Colour matching functions at a wavelength, by a cubic through the four nearest entries (CIE 15, 7.2.1).
-fn observer(nm: f64) -> [f64; 3] {
-    let (i, part) = entry(nm);
-    if part == 0.0 {
-        return MATCHING[i];
-    }
-    let first = i.saturating_sub(1).min(ENTRIES - 4);
-    let at = (i - first) as f64 + part;
-    let mut value = [0.0; 3];
-    for k in 0..4 {
-        let weight: f64 =
-            (0..4).filter(|&j| j != k).map(|j| (at - j as f64) / (k as f64 - j as f64)).product();
-        value.iter_mut().zip(MATCHING[first + k]).for_each(|(v, m)| *v += weight * m);
-    }
-    value.map(|v| v.max(0.0))
-}
-
 fn check_wavelengths(nm: &[f64]) -> Result<(), ColorError> {
     if let Some(bad) = nm.iter().find(|v| !VISIBLE_NM.contains(v)) {
         return Err(ColorError::unsupported(
@@ -273,6 +247,7 @@ pub fn spectrum_to_linear_rgb(factor: &[f64], illuminant: Illuminant) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spectrum_data::MATCHING;
 
     #[test]
     fn whites_are_near_the_standard_ones() {

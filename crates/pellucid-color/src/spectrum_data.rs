@@ -1,11 +1,14 @@
-//! Tabulated CIE data, 360 to 830 nm in steps of 10 nm (CIE 15, CIE 018).
+//! Tabulated CIE data, 360 to 830 nm in steps of 10 nm (CIE 15, CIE 018), and what lies between the steps.
 
 /// Wavelength of the first entry in nm.
-pub(crate) const START_NM: f64 = 360.0;
+const START_NM: f64 = 360.0;
 /// From one entry to the next in nm.
 pub(crate) const STEP_NM: f64 = 10.0;
 /// Number of entries.
-pub(crate) const ENTRIES: usize = 48;
+const ENTRIES: usize = 48;
+
+/// Wavelengths in nm over which the observer and the illuminants are tabulated.
+pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = START_NM..=START_NM + STEP_NM * (ENTRIES - 1) as f64;
 
 /// CIE 1931 2° colour matching functions: x, y, z at each wavelength (CIE 15).
 pub(crate) const MATCHING: [[f64; 3]; ENTRIES] = [
@@ -75,3 +78,33 @@ pub(crate) const D50: [f64; ENTRIES] = [
     99.042, 95.722, 98.857, 95.667, 98.19, 103.003, 99.133, 87.381, 91.604, 92.889, 76.854, 86.511, 92.58,
     78.23, 57.692, 82.923, 78.274, 79.6, 73.4, 63.9, 70.8, 74.4,
 ];
+
+/// The entry at or before a wavelength within [`VISIBLE_NM`], and how far on the way to the next it lies.
+fn entry(nm: f64) -> (usize, f64) {
+    let at = (nm - START_NM) / STEP_NM;
+    let i = (at.floor().max(0.0) as usize).min(ENTRIES - 1);
+    (i, if i + 1 == ENTRIES { 0.0 } else { at - i as f64 })
+}
+
+/// A table's value at a wavelength, linear between entries.
+pub(crate) fn linear(table: &[f64; ENTRIES], nm: f64) -> f64 {
+    let (i, part) = entry(nm);
+    if part == 0.0 { table[i] } else { table[i] + part * (table[i + 1] - table[i]) }
+}
+
+/// Colour matching functions at a wavelength, by a cubic through the four nearest entries (CIE 15, 7.2.1).
+pub(crate) fn observer(nm: f64) -> [f64; 3] {
+    let (i, part) = entry(nm);
+    if part == 0.0 {
+        return MATCHING[i];
+    }
+    let first = i.saturating_sub(1).min(ENTRIES - 4);
+    let at = (i - first) as f64 + part;
+    let mut value = [0.0; 3];
+    for k in 0..4 {
+        let weight: f64 =
+            (0..4).filter(|&j| j != k).map(|j| (at - j as f64) / (k as f64 - j as f64)).product();
+        value.iter_mut().zip(MATCHING[first + k]).for_each(|(v, m)| *v += weight * m);
+    }
+    value.map(|v| v.max(0.0))
+}

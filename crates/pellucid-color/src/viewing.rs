@@ -120,6 +120,16 @@ impl Viewing {
         self.rows.as_ref().map_or(3, |rows| rows[0].len())
     }
 
+    /// The channel that weighs most in each of R, G and B.
+    pub fn leading_channels(&self) -> [usize; 3] {
+        let Some(rows) = &self.rows else { return [0, 1, 2] };
+        let weight = |row: &[f32], channel: usize| row[channel].abs();
+        std::array::from_fn(|c| {
+            let row = &rows[c];
+            (0..row.len()).reduce(|a, b| if weight(row, b) > weight(row, a) { b } else { a }).unwrap_or(0)
+        })
+    }
+
     /// Absolute linear RGB of the print's white: what media-relative 1 stands for.
     pub fn media_white(&self) -> [f32; 3] {
         self.white

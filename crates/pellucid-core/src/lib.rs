@@ -2,6 +2,7 @@
 //!
 //! | module | owns |
 //! | --- | --- |
+//! | `checkpoints` | what long work has done, kept in a folder: `Checkpoints` (feature `json`) |
 //! | [`control`] | progress and cancellation of long work: [`Control`], [`Cancelled`] |
 //! | [`fault`] | what is wrong with which input, and what would be right: [`Fault`], [`FileError`], [`chain`] |
 //! | [`digest`] | telling data apart: [`Digest`] |
@@ -13,6 +14,8 @@
 //! | [`stats`] | statistics of errors: [`ErrorStats`], [`NoisyScore`] |
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "json")]
+pub mod checkpoints;
 pub mod control;
 pub mod digest;
 pub mod fault;
@@ -24,6 +27,8 @@ pub mod random;
 pub mod staging;
 pub mod stats;
 
+#[cfg(feature = "json")]
+pub use checkpoints::{CheckpointError, Checkpoints};
 pub use control::{Cancelled, Control, Progress};
 pub use digest::Digest;
 pub use fault::{Fault, FileError, chain};

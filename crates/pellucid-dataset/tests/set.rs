@@ -64,6 +64,42 @@ fn shards_together_are_the_whole() {
 }
 
 #[test]
+fn a_set_labelled_in_memory_is_the_one_of_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = generate(folder.path(), &header(Shard::WHOLE), &none()).unwrap();
+    let labelled = LabelledSet::label(&header(Shard::WHOLE), &none()).unwrap();
+    assert_eq!(labelled, LabelledSet::load(&[path], &none()).unwrap());
+    let part = LabelledSet::label(&header(Shard::new(1, 3).unwrap()), &none()).unwrap();
+    assert_eq!((part.len(), part.volume(0), part.volume(17)), (18, 1, 4));
+    let stop = AtomicBool::new(true);
+    let error = LabelledSet::label(&header(Shard::WHOLE), &none().with_cancel(&stop)).unwrap_err();
+    assert!(matches!(error, DatasetError::Cancelled));
+    let mut many = header(Shard::WHOLE);
+    many.recipe.splits[1].volumes = u32::MAX;
+    let error = LabelledSet::label(&many, &none()).unwrap_err();
+    assert!(error.to_string().contains("at most 1000000"), "{error}");
+}
+
+#[test]
+fn predictions_are_asked_for_in_order() {
+    let set = LabelledSet::label(&header(Shard::WHOLE), &none()).unwrap();
+    let mut seen = 0;
+    let predicted = set
+        .predictions(7, &none(), |stencils, out| {
+            let mut own = vec![0.0; stencils.len()];
+            set.stencils(seen, &mut own);
+            assert_eq!((own, out.len()), (stencils.to_vec(), 7.min(45 - seen)));
+            for value in out {
+                *value = seen as f32;
+                seen += 1;
+            }
+            Ok::<_, DatasetError>(())
+        })
+        .unwrap();
+    assert_eq!(predicted, (0..45).map(|i| i as f32).collect::<Vec<_>>());
+}
+
+#[test]
 fn judging_tells_classes_and_channels_apart_and_takes_noise_out() {
     let folder = tempfile::tempdir().unwrap();
     let path = generate(folder.path(), &header(Shard::WHOLE), &none()).unwrap();

@@ -1,9 +1,11 @@
 //! Error diffusion, to compare with.
 
+use pellucid_core::random::{Domain, uniform};
 use pellucid_core::{Cancelled, Control};
 
 /// Most labels of a mixture.
 const MAX_LABELS: usize = 16;
+const START: Domain = Domain::new("error diffusion");
 /// Steps `[x, y, z]` to later voxels and the share of the error that each takes: Floyd and Steinberg's weights for
 /// the layer, halved, and the other half for the voxel above.
 const SPREAD: [([i64; 3], f32); 5] = [
@@ -18,9 +20,12 @@ const SPREAD: [([i64; 3], f32); 5] = [
 /// voxel above as in Lou and Stucki 1998): each voxel takes the label whose fraction plus the errors so far is the
 /// greatest, and hands what it did not get of the others to neighbours that come later.
 ///
+/// The first layer starts with random errors of `seed`, or light greys would wait several layers for theirs to build up
+/// and then all flip together.
+///
 /// `mixture` writes a voxel's `labels` fractions (1 to 16 of them, sum 1) and returns true, or false for air. The
-/// result, ordered `[z][y][x]`, x fastest, holds positions of labels, [`u8::MAX`] for air. Error that no later voxel
-/// of the solid can take is dropped. Serial by nature, and a change at one voxel changes all later ones: the
+/// result, ordered `[z][y][x]`, x fastest, holds positions of labels, [`u8::MAX`] for air. Error handed to air is
+/// lost. Serial by nature, and a change at one voxel changes all later ones: the
 /// refinement uses masks.
 ///
 /// # Errors
@@ -36,7 +41,7 @@ const SPREAD: [([i64; 3], f32); 5] = [
 ///     fractions.copy_from_slice(&[0.25, 0.75]);
 ///     true
 /// };
-/// let chosen = diffuse_errors([16, 16, 16], 2, grey, &Control::none())?;
+/// let chosen = diffuse_errors([16, 16, 16], 2, 0, grey, &Control::none())?;
 /// let dark = chosen.iter().filter(|&&c| c == 0).count();
 /// assert!(dark.abs_diff(1024) < 64);
 /// # Ok::<(), pellucid_core::Cancelled>(())
@@ -44,6 +49,7 @@ const SPREAD: [([i64; 3], f32); 5] = [
 pub fn diffuse_errors(
     size: [u32; 3],
     labels: usize,
+    seed: u64,
     mut mixture: impl FnMut([u32; 3], &mut [f32]) -> bool,
     control: &Control<'_>,
 ) -> Result<Vec<u8>, Cancelled> {
@@ -51,8 +57,8 @@ pub fn diffuse_errors(
     let [nx, ny, nz] = size.map(|s| s as usize);
     let mut chosen = vec![u8::MAX; nx * ny * nz];
     // Errors of this layer and of the next, `[y][x][label]`.
-    let mut here = vec![0.0f32; nx * ny * labels];
-    let mut above = here.clone();
+    let mut here = start_errors(nx * ny, labels, seed);
+    let mut above = vec![0.0f32; here.len()];
     let mut wanted = [0.0f32; MAX_LABELS];
     let wanted = &mut wanted[..labels];
     for z in 0..nz {
@@ -67,14 +73,16 @@ pub fn diffuse_errors(
                 let first = (0..labels).fold(0, |best, l| if wanted[l] > wanted[best] { l } else { best });
                 chosen[(z * ny + y) * nx + x] = first as u8;
                 wanted[first] -= 1.0;
-                for ([dx, dy, dz], weight) in SPREAD {
+                let later = SPREAD.iter().filter_map(|([dx, dy, dz], weight)| {
                     let (to_x, to_y) = (x as i64 + dx, y as i64 + dy);
-                    if to_x < 0 || to_x >= nx as i64 || to_y >= ny as i64 {
-                        continue;
-                    }
-                    let to = (to_y as usize * nx + to_x as usize) * labels;
+                    let inside = (0..nx as i64).contains(&to_x) && to_y < ny as i64;
+                    inside.then(|| ((to_y as usize * nx + to_x as usize) * labels, *dz, *weight))
+                });
+                let total: f32 = later.clone().map(|(_, _, weight)| weight).sum();
+                for (to, dz, weight) in later {
                     let plane = if dz == 0 { &mut here } else { &mut above };
-                    plane[to..to + labels].iter_mut().zip(wanted.iter()).for_each(|(e, w)| *e += weight * w);
+                    let errors = plane[to..to + labels].iter_mut().zip(wanted.iter());
+                    errors.for_each(|(e, w)| *e += weight / total * w);
                 }
             }
         }
@@ -83,4 +91,18 @@ pub fn diffuse_errors(
         above.fill(0.0);
     }
     Ok(chosen)
+}
+
+/// Errors that sum to zero at each of the voxels of a layer.
+fn start_errors(voxels: usize, labels: usize, seed: u64) -> Vec<f32> {
+    let mut errors = Vec::with_capacity(voxels * labels);
+    for voxel in 0..voxels as u64 {
+        let drawn = (0..labels as u64).map(|l| uniform(seed, START, voxel, l) as f32);
+        let first = errors.len();
+        errors.extend(drawn);
+        let own = &mut errors[first..];
+        let mean = own.iter().sum::<f32>() / labels as f32;
+        own.iter_mut().for_each(|e| *e -= mean);
+    }
+    errors
 }

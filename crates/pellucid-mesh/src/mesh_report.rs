@@ -74,4 +74,19 @@ impl MeshReport {
             thin_voxels,
         }
     }
+
+    /// What a user should know before the print, in sentences.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if !self.closed {
+            warnings.push(format!("the mesh is open; {} holes were closed", self.holes));
+        }
+        if self.flipped_shells > 0 {
+            warnings.push(format!("{} shells faced inwards and were turned round", self.flipped_shells));
+        }
+        if self.thin_voxels > 0 {
+            warnings.push("parts thinner than a voxel were kept one voxel thick".to_owned());
+        }
+        warnings
+    }
 }

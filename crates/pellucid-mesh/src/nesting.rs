@@ -77,22 +77,29 @@ fn find_back_copies(mesh: &Mesh, shells: &mut [Shell], tolerance: f64) -> Vec<Op
             found.retain(|&other| other != s as u32 && !shells[other as usize].is_back());
             found
         };
+        // Shells that the samples lie on, and how many samples lie on a body.
         let mut covers: Vec<u32> = Vec::new();
-        let mut samples = 0;
+        let (mut samples, mut on_bodies) = (0, 0);
         for t in spread(&shells[s].triangles, COVER_SAMPLES) {
             samples += 1;
             let [a, b, c] = mesh.corners(t).map(|p| faces(t, p));
-            covers.extend(a.into_iter().filter(|other| b.contains(other) && c.contains(other)));
+            let both = a.into_iter().filter(|other| b.contains(other) && c.contains(other));
+            let before = covers.len();
+            covers.extend(both);
+            on_bodies += usize::from(covers[before..].iter().any(|&o| shells[o as usize].volume > 0.0));
         }
         covers.sort_unstable();
-        let most = covers.chunk_by(|a, b| a == b).max_by_key(|c| c.len());
-        if let Some(cover) = most.filter(|c| c.len() as f64 >= COVERED * f64::from(samples)) {
-            let front = cover[0] as usize;
-            shells[s].role = Role::BackCopy(front as u32);
+        let Some(most) = covers.chunk_by(|a, b| a == b).max_by_key(|c| c.len()) else { continue };
+        let enough = COVERED * f64::from(samples);
+        let alone = most.len() as f64 >= enough;
+        // What several bodies back together, each its part, is no hollow either.
+        if alone || (shells[s].volume < 0.0 && on_bodies as f64 >= enough) {
+            let front = most[0] as usize;
             let (own, other) = (shells[s].volume, shells[front].volume);
-            if own < 0.0 && (own + other).abs() < 0.1 * other {
+            if alone && own < 0.0 && (own + other).abs() < 0.1 * other {
                 twins[front] = Some(s);
             }
+            shells[s].role = Role::BackCopy(front as u32);
         }
     }
     twins

@@ -108,6 +108,8 @@ mod monte_carlo;
 #[cfg(feature = "rpnn")]
 mod network;
 pub mod object;
+#[cfg(feature = "mc")]
+mod picture;
 pub mod predictor;
 mod sharing;
 
@@ -120,6 +122,8 @@ pub use monte_carlo::MonteCarlo;
 pub use network::Network;
 pub use object::{Object, ObjectId};
 pub use pellucid_core::InstructionSet;
+#[cfg(feature = "mc")]
+pub use picture::without_noise;
 pub use predictor::{
     BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Learned, MaterialGradient, Pass, Predictor,
     predict_all,

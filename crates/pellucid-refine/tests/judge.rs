@@ -204,7 +204,7 @@ fn white_noise_is_stated_and_taken_out_of_smoothed_errors() {
     }
     assert_eq!(noisy.paths, 4 * (2000 + target.len() as u64));
     // The appearance is the mean of the passes over all.
-    let mean = judged.appearance.iter().map(|a| f64::from(a[0])).sum::<f64>() / target.len() as f64;
+    let mean = judged.appearance().iter().map(|a| f64::from(a[0])).sum::<f64>() / target.len() as f64;
     assert!((mean - 0.55).abs() < 4.0 * noise / 2.0 / (target.len() as f64).sqrt(), "{mean}");
     // A network that is off by 0.02 is found to be, though each value of the judge is off by more.
     let off: Vec<f32> = judged

@@ -78,16 +78,27 @@ fn check_pitch(grid: &LabelGrid, target: &PrintTarget) -> Result<(), SliceError>
 }
 
 fn check_size(grid: &LabelGrid, target: &PrintTarget) -> Result<(), SliceError> {
-    for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
-        let mm = f64::from(grid.size()[a]) * target.pitch().mm()[a];
-        let most = target.build_space_mm()[a];
-        if mm > most * (1.0 + 1e-9) {
-            let reason = format!("{mm:.2} mm along {axis} is more than the {most} mm of {:?}", target.name());
-            let fault = Fault::new("object size", reason).remedy("scale or turn the model");
-            return Err(SliceError::Unsupported(fault));
-        }
+    let mm = target.pitch().mm();
+    check_extent(target, std::array::from_fn(|a| f64::from(grid.size()[a]) * mm[a]))
+}
+
+/// Tells whether an object of a size `[x, y, z]` in mm fits the target, before it is voxelised.
+///
+/// # Errors
+/// [`SliceError::Unsupported`] naming both sizes.
+pub fn check_extent(target: &PrintTarget, extent_mm: [f64; 3]) -> Result<(), SliceError> {
+    let most = target.build_space_mm();
+    if (0..3).all(|a| extent_mm[a] <= most[a] * (1.0 + 1e-9)) {
+        return Ok(());
     }
-    Ok(())
+    let text = |mm: [f64; 3]| mm.map(millimetres).join(" x ");
+    let reason = format!("{} mm is more than the {} mm of {:?}", text(extent_mm), text(most), target.name());
+    Err(SliceError::Unsupported(Fault::new("object size", reason).remedy("scale or turn the model")))
+}
+
+/// At most two decimals; sizes that nobody prints in powers of ten.
+fn millimetres(mm: f64) -> String {
+    if mm.abs() >= 1e7 { format!("{mm:.1e}") } else { format!("{}", (100.0 * mm).round() / 100.0) }
 }
 
 /// The materials of which there are voxels, with the colours that stand for them.

@@ -51,7 +51,7 @@ pub mod recorded;
 mod slab;
 pub mod target;
 
-pub use check::{check, check_materials};
+pub use check::{check, check_extent, check_materials};
 pub use coupon::coupon;
 pub use error::SliceError;
 pub use export::{ExportSettings, export, own_files, write_stack};

@@ -33,6 +33,19 @@ impl Default for AssistOptions {
     }
 }
 
+impl AssistOptions {
+    fn check(&self) -> Result<(), TraceError> {
+        let in_range = (0.1..=100.0).contains(&self.patch_mm) && self.ridge > 0.0;
+        if in_range && self.ridge.is_finite() {
+            return Ok(());
+        }
+        Err(TraceError::invalid(
+            "assist options",
+            format!("{self:?}; patch_mm must lie within 0.1 to 100 and ridge above 0"),
+        ))
+    }
+}
+
 impl Tracer<'_> {
     /// As [`Tracer::radiance`], but each point borrows from its neighbours: **biased**, with an
     /// error of about 0.02 from 16 paths where plain tracing needs some 200.
@@ -51,17 +64,79 @@ impl Tracer<'_> {
         radiance: &mut [f32],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
-        let in_range = (0.1..=100.0).contains(&options.patch_mm) && options.ridge > 0.0;
-        if !(in_range && options.ridge.is_finite()) {
-            return Err(TraceError::invalid(
-                "assist options",
-                format!("{options:?}; patch_mm must lie within 0.1 to 100 and ridge above 0"),
-            ));
-        }
+        options.check()?;
         let spp = self.options.spp;
         let channels = self.channels();
         let mut tallies = self.tallies_for(points, radiance.len())?;
         self.add_samples(points, iteration, 0..spp, &mut tallies, control)?;
+        let own = |i: usize, c: usize| {
+            let tally: &Tally = &tallies[i * channels + c];
+            (tally.mean(spp), tally.cautious_variance(spp) / f64::from(spp))
+        };
+        let features_of: Vec<usize> = (0..channels).collect();
+        self.regress(points, &features_of, own, options, radiance, control)?;
+        radiance.iter_mut().for_each(|l| *l = l.min(1.0));
+        Ok(())
+    }
+
+    /// Takes most of the noise out of values of few paths that are already there, `[point][value]`, given by two
+    /// independent halves: as [`Tracer::radiance_assisted`], but nothing is traced. The values are radiances or
+    /// anything linear in them, such as colours; `features_of[k]` is the channel whose coefficients explain value k.
+    /// **Biased**: for pictures, not for figures.
+    ///
+    /// # Errors
+    /// [`TraceError::Invalid`] for options out of range, a point or channel that does not exist, or lengths that do not
+    /// fit; [`TraceError::Cancelled`].
+    pub fn assist(
+        &self,
+        points: &[u32],
+        features_of: &[usize],
+        halves: [&[f32]; 2],
+        options: &AssistOptions,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        options.check()?;
+        let (per_point, channels) = (features_of.len(), self.channels());
+        if halves.iter().any(|half| half.len() != out.len()) || out.len() != points.len() * per_point {
+            return Err(TraceError::invalid(
+                "values",
+                format!(
+                    "{} and {} for {} points of {per_point}",
+                    halves[0].len(),
+                    halves[1].len(),
+                    points.len()
+                ),
+            ));
+        }
+        if features_of.iter().any(|&c| c >= channels) {
+            return Err(TraceError::invalid(
+                "features_of",
+                format!("{features_of:?}; there are {channels} channels"),
+            ));
+        }
+        if let Some(p) = points.iter().find(|&&p| p as usize >= self.volume.len()) {
+            return Err(TraceError::invalid("points", format!("{p}; there are {}", self.volume.len())));
+        }
+        let own = |i: usize, k: usize| {
+            let [a, b] = halves.map(|half| f64::from(half[i * per_point + k]));
+            (0.5 * (a + b), (0.5 * (a - b)).powi(2))
+        };
+        self.regress(points, features_of, own, options, out, control)
+    }
+
+    /// Mixes every value, of which `own` gives mean and variance by position in `points` and in `features_of`, with the
+    /// regression over its patch.
+    fn regress(
+        &self,
+        points: &[u32],
+        features_of: &[usize],
+        own: impl Fn(usize, usize) -> (f64, f64) + Sync,
+        options: &AssistOptions,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        let per_point = features_of.len();
         let patches = self.patches(points, options.patch_mm);
         let fitted = patches
             .par_iter()
@@ -69,22 +144,23 @@ impl Tracer<'_> {
                 control.check()?;
                 let below: Vec<Composition> =
                     members.iter().map(|&i| Composition::of(self.volume, points[i as usize])).collect();
-                let mut out = vec![0.0f32; members.len() * channels];
-                for c in 0..channels {
-                    let mut rows = vec![[0.0; FEATURES]; members.len()];
-                    rows.iter_mut().zip(&below).for_each(|(row, b)| b.features(self.optics(c), row));
-                    let own: Vec<Tally> =
-                        members.iter().map(|&i| tallies[i as usize * channels + c]).collect();
-                    for (k, value) in mixed(&rows, &own, spp, options.ridge).into_iter().enumerate() {
-                        out[k * channels + c] = value;
+                let mut values = vec![0.0f32; members.len() * per_point];
+                let mut rows = vec![[0.0; FEATURES]; members.len()];
+                for (k, &channel) in features_of.iter().enumerate() {
+                    rows.iter_mut().zip(&below).for_each(|(row, b)| b.features(self.optics(channel), row));
+                    let own: Vec<(f64, f64)> = members.iter().map(|&i| own(i as usize, k)).collect();
+                    for (value, mixed) in
+                        values[k..].iter_mut().step_by(per_point).zip(mixed(&rows, &own, options.ridge))
+                    {
+                        *value = mixed;
                     }
                 }
-                Ok(out)
+                Ok(values)
             })
             .collect::<Result<Vec<Vec<f32>>, TraceError>>()?;
         for (members, values) in patches.iter().zip(&fitted) {
-            for (&i, value) in members.iter().zip(values.chunks_exact(channels)) {
-                radiance[i as usize * channels..][..channels].copy_from_slice(value);
+            for (&i, value) in members.iter().zip(values.chunks_exact(per_point)) {
+                out[i as usize * per_point..][..per_point].copy_from_slice(value);
             }
         }
         Ok(())
@@ -110,16 +186,16 @@ impl Tracer<'_> {
 
 /// The regression's prediction and each point's own mean, weighted by what the residuals say of
 /// either's error.
-fn mixed(rows: &[[f64; FEATURES]], own: &[Tally], spp: u32, penalty: f64) -> Vec<f32> {
+fn mixed(rows: &[[f64; FEATURES]], own: &[(f64, f64)], penalty: f64) -> Vec<f32> {
     let n = own.len() as f64;
-    let values: Vec<f64> = own.iter().map(|t| t.mean(spp)).collect();
-    let noise = own.iter().map(|t| t.cautious_variance(spp)).sum::<f64>() / n / f64::from(spp);
+    let values: Vec<f64> = own.iter().map(|(mean, _)| *mean).collect();
+    let noise = own.iter().map(|(_, variance)| variance).sum::<f64>() / n;
     let fit = ridge(rows, &values, penalty);
     let freedom = (1.0 - FEATURES as f64 / n).max(0.1);
     let residual = fit.iter().zip(&values).map(|(f, v)| (f - v).powi(2)).sum::<f64>() / n / freedom;
     let misfit = (residual - noise).max(0.0);
     let share = misfit / (misfit + noise).max(1e-12);
-    fit.iter().zip(&values).map(|(f, v)| (f + share * (v - f)).clamp(0.0, 1.0) as f32).collect()
+    fit.iter().zip(&values).map(|(f, v)| (f + share * (v - f)).max(0.0) as f32).collect()
 }
 
 /// Fitted values of a ridge regression; the last feature, a constant, is not penalised.

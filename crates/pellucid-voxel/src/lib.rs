@@ -1,39 +1,42 @@
 //! Voxel volumes of multi-material prints.
 //!
-//! | module | owns |
+//! | item | is |
 //! | --- | --- |
-//! | [`pitch`] | voxel edge lengths and the frame that places a grid in millimetres |
-//! | [`material`] | scattering and absorption coefficients of the print materials |
-//! | [`grid`] | the sparse tiled [`LabelGrid`]: one material label a voxel; dense arrays and bytes from and to it |
-//! | [`surface`] | surface voxels, their outward normals and their positions in the list |
-//! | [`nearest`] | the nearest surface voxel of every solid voxel to a depth |
+//! | [`Pitch`], [`Frame`] | voxel edge lengths, and what places a grid in millimetres |
+//! | [`Channels`], [`MaterialTable`] | what channels stand for; scattering and absorption of the print materials |
+//! | [`LabelGrid`] | one material label a voxel in sparse tiles; from and to functions, dense arrays and bytes |
+//! | [`Surface`] | surface voxels, their outward normals and their positions in the list |
+//! | [`NearestSurface`] | the nearest surface voxel of every solid voxel to a depth |
+//! | [`local_thickness_mm`] | how thick the solid is at each surface voxel |
+//! | [`CountSat`] | exact summed-area tables over material counts |
 //! | [`near_order`] | an order of voxels that keeps neighbours together |
-//! | [`sat`] | exact summed-area tables over material counts: [`CountSat`] |
-//! | [`thickness`] | how thick the solid is at each surface voxel |
 //!
 //! Conventions: lengths are millimetres, coefficients 1/mm. Arrays are ordered `[z][y][x]`
 //! with x fastest; coordinates are written `[x, y, z]`. Label 0 is air.
 #![forbid(unsafe_code)]
 
-pub mod channels;
+mod channels;
 mod eigen;
 mod envelope;
-pub mod error;
-pub mod grid;
+mod error;
+mod grid;
 #[cfg(feature = "serde")]
 mod json;
-pub mod material;
-pub mod nearest;
+mod material;
+mod nearest;
 mod nearest_block;
 mod normal_window;
 mod normals;
 mod occupancy;
 mod order;
-pub mod pitch;
+mod pitch;
+#[doc(hidden)]
 pub mod sat;
-pub mod surface;
+mod surface;
+mod surface_count;
 mod surface_index;
-pub mod thickness;
+mod surface_list;
+mod thickness;
 
 pub use channels::Channels;
 pub use error::VoxelError;

@@ -1,15 +1,16 @@
 //! Surface voxels with smooth outward normals.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
 
 use rayon::prelude::*;
 
 use crate::grid::tile_coords;
 use crate::normals::NormalEstimator;
 use crate::occupancy::{ROWS, surface_rows};
+use crate::surface_count::SurfaceCount;
 use crate::surface_index::SurfaceIndex;
-use crate::{Cancelled, Control, Frame, LabelGrid, TILE, VoxelError};
+use crate::surface_list::estimate;
+use crate::{Control, Frame, LabelGrid, TILE, VoxelError};
 
 /// How a surface's normals are estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -219,136 +220,6 @@ impl Surface {
     pub(crate) fn shared_voxels(&self) -> Arc<Vec<[u32; 3]>> {
         Arc::clone(&self.voxels)
     }
-}
-
-/// How much surface a grid has.
-#[derive(Clone, Copy, Default)]
-struct SurfaceCount {
-    /// Surface voxels.
-    voxels: u64,
-    /// Tiles that hold any.
-    tiles: u64,
-}
-
-impl SurfaceCount {
-    fn of(grid: &LabelGrid, control: &Control) -> Result<Self, Cancelled> {
-        (0..grid.tiles().len())
-            .into_par_iter()
-            .with_min_len(64)
-            .map(|i| {
-                control.check()?;
-                let rows = surface_rows(grid, tile_coords(grid.tile_dims(), i));
-                Ok(rows.map_or_else(Self::default, |rows| Self {
-                    voxels: rows.iter().map(|row| u64::from(row.count_ones())).sum(),
-                    tiles: 1,
-                }))
-            })
-            .try_reduce(Self::default, |a, b| {
-                Ok(Self { voxels: a.voxels + b.voxels, tiles: a.tiles + b.tiles })
-            })
-    }
-
-    fn bytes(self, tile_dims: [u32; 3]) -> u64 {
-        let a_voxel = size_of::<[u32; 3]>() + size_of::<[f32; 3]>();
-        self.voxels * a_voxel as u64 + SurfaceIndex::memory_of(tile_dims, self.tiles)
-    }
-
-    fn check(self, tile_dims: [u32; 3], max_bytes: u64) -> Result<(), VoxelError> {
-        let needed = self.bytes(tile_dims);
-        if needed <= max_bytes {
-            return Ok(());
-        }
-        let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
-        Err(VoxelError::unsupported(
-            "surface",
-            format!(
-                "{:.1} million surface voxels take {:.2} GiB of memory and {:.2} are allowed; print smaller, in parts \
-                 or with a coarser pitch, or allow more (max_bytes)",
-                self.voxels as f64 / 1e6,
-                gib(needed),
-                gib(max_bytes),
-            ),
-        ))
-    }
-}
-
-/// Tiles of a layer that are estimated before their results are put in place.
-const TILES_AT_ONCE: usize = 256;
-
-/// Lists the surface voxels and estimates their normals.
-fn estimate(
-    estimator: &NormalEstimator<'_>,
-    index: &SurfaceIndex,
-    dims: [u32; 3],
-    total: u64,
-    control: &Control,
-) -> Result<(Vec<[u32; 3]>, Vec<[f32; 3]>), VoxelError> {
-    let mut voxels = vec![[0; 3]; index.len()];
-    let mut normals = vec![[0.0; 3]; index.len()];
-    let done = AtomicU64::new(0);
-    split_slabs(index, dims[2], &mut voxels, &mut normals).into_par_iter().try_for_each(
-        |(tz, voxels, normals)| {
-            let first = index.slab(tz).start;
-            for tiles in index.slab_tiles(tz).chunks(TILES_AT_ONCE) {
-                let estimated = tiles
-                    .par_iter()
-                    .map(|&i| {
-                        control.check()?;
-                        let points = tile_voxels(index, i, tile_coords(dims, i));
-                        let normals = estimator.tile(tile_coords(dims, i), &points);
-                        control.advance(&done, 1, total);
-                        Ok((points, normals))
-                    })
-                    .collect::<Result<Vec<_>, VoxelError>>()?;
-                for (points, tile_normals) in estimated {
-                    for ((position, voxel), normal) in points.into_iter().zip(tile_normals) {
-                        voxels[position as usize - first] = voxel;
-                        normals[position as usize - first] = normal;
-                    }
-                }
-            }
-            Ok::<(), VoxelError>(())
-        },
-    )?;
-    Ok((voxels, normals))
-}
-
-type Slab<'a> = (usize, &'a mut [[u32; 3]], &'a mut [[f32; 3]]);
-
-/// Cuts the outputs into the parts that belong to each layer of tiles.
-fn split_slabs<'a>(
-    index: &SurfaceIndex,
-    slabs: u32,
-    mut voxels: &'a mut [[u32; 3]],
-    mut normals: &'a mut [[f32; 3]],
-) -> Vec<Slab<'a>> {
-    (0..slabs as usize)
-        .map(|tz| {
-            let count = index.slab(tz).len();
-            let (v, rest) = std::mem::take(&mut voxels).split_at_mut(count);
-            voxels = rest;
-            let (n, rest) = std::mem::take(&mut normals).split_at_mut(count);
-            normals = rest;
-            (tz, v, n)
-        })
-        .collect()
-}
-
-/// A tile's surface voxels with their list positions.
-fn tile_voxels(index: &SurfaceIndex, tile: usize, t: [u32; 3]) -> Vec<(u32, [u32; 3])> {
-    let [x0, y0, z0] = t.map(|v| v * TILE as u32);
-    let mut points = Vec::new();
-    for (row, (first, mask)) in index.tile_rows(tile).into_iter().flatten().enumerate() {
-        let (y, z) = (y0 + (row % TILE) as u32, z0 + (row / TILE) as u32);
-        let mut bits = mask;
-        let mut position = first;
-        while bits != 0 {
-            points.push((position, [x0 + bits.trailing_zeros(), y, z]));
-            position += 1;
-            bits &= bits - 1;
-        }
-    }
-    points
 }
 
 /// The surface rows of each tile that holds any of `voxels`, ascending by tile index.

@@ -15,14 +15,9 @@ pub enum PrintError {
     /// A file could not be read or written.
     #[error(transparent)]
     Io(#[from] FileError),
-    /// What an interrupted job left does not belong to this one.
-    #[error("{} is of another job: {difference}", folder.display())]
-    OtherJob {
-        /// The folder of checkpoints.
-        folder: std::path::PathBuf,
-        /// What differs.
-        difference: String,
-    },
+    /// What an interrupted job left does not belong to this one, or cannot be used.
+    #[error(transparent)]
+    Checkpoint(#[from] pellucid_core::CheckpointError),
     /// An interrupted job left checkpoints, and nobody said what to do with them.
     #[error(
         "an interrupted job left {}; go on with it by --resume (`Workspace::resume`), or remove that folder to start anew",
@@ -100,9 +95,5 @@ impl PrintError {
 
     pub(crate) fn invalid(subject: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Invalid(Fault::new(subject, reason))
-    }
-
-    pub(crate) fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Unsupported(Fault::new(subject, reason))
     }
 }

@@ -63,7 +63,7 @@ fn corrected(settings: &PrintSettings, tracer: MonteCarlo) -> Result<Arc<dyn Pre
 
 #[cfg(not(feature = "rpnn"))]
 fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
-    Err(PrintError::unsupported("predictor", "this build has no network; build with the feature \"weights\""))
+    Err(no_network("this build has no network; build with the feature \"weights\""))
 }
 
 /// The network alone: what the report compares with the judge's paths.
@@ -78,9 +78,8 @@ pub(crate) fn network(settings: &PrintSettings) -> Result<pellucid_predict::Netw
         None => Network::shipped()?,
         #[cfg(not(feature = "weights"))]
         None => {
-            return Err(PrintError::unsupported(
-                "predictor",
-                "this build carries no network weights; give some, or build with the feature \"weights\"",
+            return Err(no_network(
+                "this build carries no weights; give some, or build with the feature \"weights\"",
             ));
         }
     };
@@ -91,4 +90,9 @@ pub(crate) fn network(settings: &PrintSettings) -> Result<pellucid_predict::Netw
         network = network.with_instruction_set(set)?;
     }
     Ok(network)
+}
+
+#[cfg(not(feature = "weights"))]
+fn no_network(reason: &str) -> PrintError {
+    PrintError::Unsupported(pellucid_core::Fault::new("predictor", reason))
 }

@@ -84,52 +84,15 @@ impl Record {
         Ok((serde_json::from_str(text).map_err(bad)?, None))
     }
 
-    /// What differs between this record and that of an earlier job, in words; `None` where nothing does.
-    pub fn difference(&self, earlier: &Self) -> Option<String> {
-        let value = |record: &Self| {
-            let mut value = serde_json::to_value(record).unwrap_or_default();
-            // Where the instructions do not matter, another processor may go on.
-            if record.predictor.exact
-                && let Some(predictor) = value["predictor"].as_object_mut()
-            {
-                predictor.remove("instruction_set");
-            }
-            value
-        };
-        difference("", &value(earlier), &value(self))
-    }
-}
-
-fn difference(at: &str, was: &Value, is: &Value) -> Option<String> {
-    match (was, is) {
-        (Value::Object(was), Value::Object(is)) => {
-            let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
-            keys.into_iter().find_map(|key| {
-                let at = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
-                let [was, is] = [was, is].map(|map| map.get(key).unwrap_or(&Value::Null));
-                difference(&at, was, is)
-            })
+    /// As a checkpoint of this job holds it.
+    pub(crate) fn comparable(&self) -> Value {
+        let mut value = serde_json::to_value(self).unwrap_or_default();
+        // Where the instructions do not matter, another processor may go on.
+        if self.predictor.exact
+            && let Some(predictor) = value["predictor"].as_object_mut()
+        {
+            predictor.remove("instruction_set");
         }
-        _ if was == is => None,
-        _ => Some(format!("{at} was {was} and is {is}")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::json;
-
-    #[test]
-    fn a_difference_names_the_field_and_both_values() {
-        let was = json!({ "settings": { "spp": 16, "refine": { "iterations": 10 } }, "x": [1, 2] });
-        assert_eq!(difference("", &was, &was), None);
-        let mut is = was.clone();
-        is["settings"]["refine"]["iterations"] = json!(8);
-        let text = difference("", &was, &is).unwrap();
-        assert_eq!(text, "settings.refine.iterations was 10 and is 8");
-        is = was.clone();
-        is["y"] = json!("new");
-        assert_eq!(difference("", &was, &is).unwrap(), "y was null and is \"new\"");
+        value
     }
 }

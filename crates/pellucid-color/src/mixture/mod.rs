@@ -4,10 +4,12 @@
 //! the half-space radiance per channel. [`MixtureModel`] computes it with derivatives,
 //! [`inverse`] finds the fractions of a colour exactly, and [`table`] tabulates that for speed.
 
+mod fractions;
 pub mod inverse;
 mod simplex;
 pub mod table;
 
+pub use fractions::Fractions;
 use pellucid_voxel::MaterialTable;
 
 use crate::ColorError;
@@ -19,38 +21,6 @@ use crate::viewing::Viewing;
 
 /// Most materials in a mixture: the starts of its inverse grow with a power of their number.
 pub const MAX_MATERIALS: usize = 8;
-
-/// Volume fractions of a mixture, by material in label order (label 1 first), summing to 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fractions {
-    values: [f32; MAX_MATERIALS],
-    count: usize,
-}
-
-impl Fractions {
-    /// All of one material. Positions past the last material give the last.
-    pub fn pure(material: usize, count: usize) -> Self {
-        let mut values = [0.0; MAX_MATERIALS];
-        let count = count.clamp(1, MAX_MATERIALS);
-        values[material.min(count - 1)] = 1.0;
-        Self { values, count }
-    }
-
-    pub(crate) fn from_f64(values: &[f64; MAX_MATERIALS], count: usize) -> Self {
-        let sum: f64 = values[..count].iter().sum();
-        Self {
-            values: std::array::from_fn(|i| if i < count { (values[i] / sum) as f32 } else { 0.0 }),
-            count,
-        }
-    }
-}
-
-impl std::ops::Deref for Fractions {
-    type Target = [f32];
-    fn deref(&self) -> &[f32] {
-        &self.values[..self.count]
-    }
-}
 
 /// Colour of mixtures of a material table, as an infinitely thick print shows it.
 pub struct MixtureModel {

@@ -5,7 +5,6 @@ use std::error::Error;
 use pellucid_core::{ErrorStats, NoisyScore};
 use pellucid_voxel::Control;
 
-use super::half_stencils::STENCIL_VALUES;
 use super::set::LabelledSet;
 use crate::{DatasetError, ShapeClass};
 
@@ -33,7 +32,7 @@ pub struct Judgement {
 }
 
 /// Predicts a set and compares with its labels. `predict` takes stencils ordered
-/// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm, [`STENCIL_VALUES`] a sample, and writes a radiance a sample;
+/// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm, [`STENCIL_VALUES`](crate::STENCIL_VALUES) a sample, and writes a radiance a sample;
 /// a network's [`radiance`] does. Progress counts samples.
 ///
 /// [`radiance`]: https://docs.rs/pellucid-rpnn/latest/pellucid_rpnn/struct.Inference.html#method.radiance
@@ -46,15 +45,9 @@ pub fn judge(
     mut predict: impl FnMut(&[f32], &mut [f32]) -> Result<(), Box<dyn Error + Send + Sync>>,
     control: &Control<'_>,
 ) -> Result<Judgement, DatasetError> {
-    let mut predicted = vec![0.0; set.len()];
-    let mut stencils = vec![0.0; CHUNK.min(set.len()) * STENCIL_VALUES];
-    for (i, out) in predicted.chunks_mut(CHUNK).enumerate() {
-        control.check()?;
-        let stencils = &mut stencils[..out.len() * STENCIL_VALUES];
-        set.stencils(i * CHUNK, stencils);
-        predict(stencils, out).map_err(DatasetError::Predictor)?;
-        control.report((i * CHUNK + out.len()) as u64, set.len() as u64);
-    }
+    let predicted = set.predictions(CHUNK, control, |stencils, out| {
+        predict(stencils, out).map_err(DatasetError::Predictor)
+    })?;
     Judgement::of(set, &predicted)
 }
 
@@ -62,10 +55,14 @@ impl Judgement {
     /// Compares predictions of a set, a value a sample, with its labels.
     ///
     /// # Errors
-    /// [`DatasetError::Invalid`] when there is another number of predictions or one is not finite.
+    /// [`DatasetError::Invalid`] when there is another number of predictions, none at all, or one that is not finite.
     pub fn of(set: &LabelledSet, predicted: &[f32]) -> Result<Self, DatasetError> {
-        if predicted.len() != set.len() {
-            let reason = format!("{} for {} samples", predicted.len(), set.len());
+        if predicted.len() != set.len() || set.is_empty() {
+            let reason = format!(
+                "{} for {} samples; one each, of one at least, is needed",
+                predicted.len(),
+                set.len()
+            );
             return Err(DatasetError::invalid("predictions", reason));
         }
         if let Some(i) = predicted.iter().position(|v| !v.is_finite()) {

@@ -1,11 +1,16 @@
 //! Finished sets in memory.
 
 use std::path::Path;
+use std::sync::atomic::AtomicU64;
 
+use pellucid_core::Cancelled;
 use pellucid_voxel::Control;
+use rayon::prelude::*;
 
-use super::half_stencils::HalfStencils;
-use super::set_file::SetHeader;
+use super::generate::sampler_of;
+use super::half_stencils::{HalfStencils, STENCIL_VALUES};
+use super::samples::Labelling;
+use super::set_file::{Record, SetHeader};
 use super::stored::StoredVolumes;
 use crate::{DatasetError, ShapeClass};
 
@@ -36,32 +41,69 @@ impl LabelledSet {
     pub fn load<P: AsRef<Path>>(paths: &[P], control: &Control<'_>) -> Result<Self, DatasetError> {
         let stored = StoredVolumes::load(paths)?;
         let samples = stored.samples();
-        if samples > MAX_SAMPLES {
-            return Err(DatasetError::invalid("files", format!("{samples} samples; at most {MAX_SAMPLES}")));
-        }
-        let header = stored.header();
-        let split = header.split()?;
-        let mut set = Self {
-            volumes: Vec::new(),
-            classes: Vec::new(),
-            voxels: Vec::new(),
-            stencils: HalfStencils::with_capacity(samples as usize),
-            radiance: Vec::new(),
-            std_error: Vec::new(),
-            header: header.clone(),
-        };
+        check_samples("files", samples)?;
+        let mut set = Self::empty(stored.header(), samples);
+        let split = set.header.split()?.clone();
         for at in 0..stored.len() {
             control.report(at as u64, stored.len() as u64);
             control.check()?;
             let record = stored.record(at);
             set.stencils.extend(&stored.stencils(at, &control.silent())?);
             set.volumes.push(record.volume);
-            set.classes.push(header.recipe.class(split, record.volume));
+            set.classes.push(set.header.recipe.class(&split, record.volume));
             set.voxels.extend(&record.voxels);
             set.radiance.extend(&record.radiance);
             set.std_error.extend(&record.std_error);
         }
         Ok(set)
+    }
+
+    /// Labels the points of a header's shard in memory: what [`generate`](crate::generate()) and [`LabelledSet::load`] give
+    /// by way of a file. Progress counts volumes.
+    ///
+    /// # Errors
+    /// [`DatasetError::Invalid`] for a header out of range or a set of more than a million samples;
+    /// [`DatasetError::Cancelled`]; others as [`Sampler::samples`](crate::Sampler::samples).
+    pub fn label(header: &SetHeader, control: &Control<'_>) -> Result<Self, DatasetError> {
+        header.check()?;
+        let split = header.split()?;
+        let volumes: Vec<u32> = header.shard.volumes(split).collect();
+        let points = volumes.len() as u64 * u64::from(split.points);
+        check_samples("split", points.saturating_mul(header.materials.channels() as u64))?;
+        let sampler = sampler_of(header)?;
+        let done = AtomicU64::new(0);
+        let made = volumes
+            .par_iter()
+            .map(|&volume| {
+                let made = sampler.samples(volume, split.points, Labelling::of(split), &control.silent())?;
+                control.advance(&done, 1, volumes.len() as u64);
+                Ok(made)
+            })
+            .collect::<Result<Vec<_>, DatasetError>>()?;
+        let mut set = Self::empty(header, 0);
+        for (volume, samples) in volumes.into_iter().zip(made) {
+            let record = Record::new(volume, &samples)?;
+            set.volumes.push(volume);
+            set.classes.push(header.recipe.class(split, volume));
+            set.voxels.extend(&record.voxels);
+            set.stencils.extend(&samples.stencils);
+            set.radiance.extend(&record.radiance);
+            set.std_error.extend(&record.std_error);
+        }
+        Ok(set)
+    }
+
+    /// A set of no samples, with room for the stencils of some.
+    fn empty(header: &SetHeader, samples: u64) -> Self {
+        Self {
+            header: header.clone(),
+            volumes: Vec::new(),
+            classes: Vec::new(),
+            voxels: Vec::new(),
+            stencils: HalfStencils::with_capacity(samples as usize),
+            radiance: Vec::new(),
+            std_error: Vec::new(),
+        }
     }
 
     /// Recipe, split and materials.
@@ -126,6 +168,31 @@ impl LabelledSet {
         self.stencils.write(first, out);
     }
 
+    /// Predicts every sample: `predict` is given the stencils of `at_a_time` samples (at least 1; fewer at the end),
+    /// ordered as [`LabelledSet::stencils`] says, and fills in one radiance each. Progress counts samples.
+    ///
+    /// # Errors
+    /// What `predict` returns, and [`Cancelled`].
+    pub fn predictions<E: From<Cancelled>>(
+        &self,
+        at_a_time: usize,
+        control: &Control<'_>,
+        mut predict: impl FnMut(&[f32], &mut [f32]) -> Result<(), E>,
+    ) -> Result<Vec<f32>, E> {
+        let at_a_time = at_a_time.clamp(1, self.len().max(1));
+        let mut predicted = vec![0.0; self.len()];
+        let mut stencils = vec![0.0; at_a_time * STENCIL_VALUES];
+        for (chunk, out) in predicted.chunks_mut(at_a_time).enumerate() {
+            control.check()?;
+            let first = chunk * at_a_time;
+            let stencils = &mut stencils[..out.len() * STENCIL_VALUES];
+            self.stencils(first, stencils);
+            predict(stencils, out)?;
+            control.report((first + out.len()) as u64, self.len() as u64);
+        }
+        Ok(predicted)
+    }
+
     /// Number of volumes.
     pub(crate) fn volumes(&self) -> usize {
         self.volumes.len()
@@ -135,4 +202,11 @@ impl LabelledSet {
     pub(crate) fn per_volume(&self) -> usize {
         self.radiance.len() / self.volumes.len()
     }
+}
+
+fn check_samples(field: &str, samples: u64) -> Result<(), DatasetError> {
+    if samples > MAX_SAMPLES {
+        return Err(DatasetError::invalid(field, format!("{samples} samples; at most {MAX_SAMPLES}")));
+    }
+    Ok(())
 }

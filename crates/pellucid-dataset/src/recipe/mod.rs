@@ -40,6 +40,42 @@ pub enum ShapeClass {
     Gyroid,
 }
 
+impl ShapeClass {
+    /// All families.
+    pub const ALL: [Self; 12] = [
+        Self::Cube,
+        Self::RotatedCube,
+        Self::Sphere,
+        Self::Cuboid,
+        Self::Slab,
+        Self::Torus,
+        Self::Hollow,
+        Self::Concave,
+        Self::Tube,
+        Self::Blend,
+        Self::Star,
+        Self::Gyroid,
+    ];
+
+    /// The name in recipes and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cube => "cube",
+            Self::RotatedCube => "rotated-cube",
+            Self::Sphere => "sphere",
+            Self::Cuboid => "cuboid",
+            Self::Slab => "slab",
+            Self::Torus => "torus",
+            Self::Hollow => "hollow",
+            Self::Concave => "concave",
+            Self::Tube => "tube",
+            Self::Blend => "blend",
+            Self::Star => "star",
+            Self::Gyroid => "gyroid",
+        }
+    }
+}
+
 /// A use of the data set with volumes of its own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Split {
@@ -164,6 +200,13 @@ impl Recipe {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn families_are_named_as_recipes_spell_them() {
+        for class in ShapeClass::ALL {
+            assert_eq!(serde_json::to_value(class).unwrap(), class.name());
+        }
+    }
 
     pub(crate) fn recipe() -> Recipe {
         let split = |name: &str| Split {

@@ -266,3 +266,26 @@ fn nested_bodies_are_one_and_inner_shells_that_face_back_are_cavities() {
     assert_eq!(run(&cube(0.0, 3.0).and(&cube(0.0, 1.5)), [0.06; 3]).grid, outer.grid);
     assert_eq!(run(&cube(0.0, 3.0).and(&cube(0.0, 3.0)), [0.06; 3]).grid, outer.grid);
 }
+
+#[test]
+fn rows_of_doubled_boxes_are_solid() {
+    let cell = |k: i32| {
+        let x = f64::from(k);
+        ([x, 0.0, 0.0], [x + 1.0, 1.0, 1.0])
+    };
+    let front = |k: i32| Shape::cuboid(cell(k).0, cell(k).1);
+    let other = |k: i32| other_diagonal(cell(k).0, cell(k).1);
+    let bar = run(&Shape::cuboid([0.0; 3], [3.0, 1.0, 1.0]), J750);
+    let rows: [(&str, Vec<Shape>); 5] = [
+        ("each with its back", (0..3).flat_map(|k| [front(k), front(k).inverted()]).collect()),
+        ("each with its back first", (0..3).flat_map(|k| [other(k).inverted(), front(k)]).collect()),
+        ("fronts, then backs", (0..3).map(front).chain((0..3).map(|k| other(k).inverted())).collect()),
+        ("backs, then fronts", (0..3).map(|k| front(k).inverted()).chain((0..3).map(front)).collect()),
+        ("other diagonals next to each other", vec![front(0), other(1), front(2)]),
+    ];
+    for (name, parts) in rows {
+        let v = run(&joined(parts), J750);
+        assert_eq!(super::tests::difference(&v.grid, &bar.grid), 0, "{name}: {:?}", v.report);
+        assert!(v.report.closed && v.report.shells == 3, "{name}: {:?}", v.report);
+    }
+}

@@ -1,6 +1,8 @@
 //! Voxelisation by generalised winding number.
 //!
-//! 1. Vertices are welded, shells found and oriented, and holes closed with caps.
+//! 1. Vertices are welded, shells found and oriented, and holes closed with caps ([`PlacedMesh`]).
+//!    Bodies that touch keep a wall each; the back copy of a surface and a sheet within solid do not
+//!    count.
 //! 2. Mesh and caps together are closed, so crossings along x count their winding number exactly.
 //! 3. Near holes the caps' own generalised winding number is taken off again, which leaves the
 //!    mesh's (Jacobson et al. 2013; Barill et al. 2018 for its hierarchical evaluation). A voxel is
@@ -57,8 +59,9 @@ pub struct Voxelised {
 /// Voxelises a model.
 ///
 /// A voxel is solid when the mesh winds around its centre by at least one half in either direction:
-/// holes are closed, overlapping shells united, shells that face inwards turned round, and shells
-/// that face inwards inside solid kept as cavities. A part thinner than a voxel is kept one voxel
+/// holes are closed, shells that overlap, touch or lie in each other united, shells that face inwards
+/// turned round, and shells that face inwards inside solid kept as cavities. Of a surface that is
+/// there twice, facing both ways for viewers that show one side only, the front counts. A part thinner than a voxel is kept one voxel
 /// thick where no centre falls into it. The result does not depend on the number of threads.
 ///
 /// ```

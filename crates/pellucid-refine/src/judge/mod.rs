@@ -108,11 +108,17 @@ pub struct Judged {
     pub points: Vec<u32>,
     /// Absolute radiance of those by either half of the passes, `[point][channel]`; alike without random error.
     pub halves: [Vec<f32>; 2],
-    /// What every surface voxel shows, linear RGB relative to the print's white, the mean of the passes over all.
-    pub appearance: Vec<[f32; 3]>,
+    /// What every surface voxel shows by either half of the passes over all, linear RGB relative to the print's white;
+    /// alike without random error.
+    pub shown: [Vec<[f32; 3]>; 2],
 }
 
 impl Judged {
+    /// What every surface voxel shows: the mean of the passes over all.
+    pub fn appearance(&self) -> Vec<[f32; 3]> {
+        mean_of(&self.shown)
+    }
+
     /// How far a prediction of [`Judged::points`], `[point][channel]`, is off what the judge saw, whose noise is taken
     /// out.
     ///
@@ -222,9 +228,9 @@ impl<'a> Judge<'a> {
             paths,
             ..StateErrors::default()
         };
-        let appearance = mean_of(&surface);
+        let shown = [surface[0].clone(), surface[surface.len() - 1].clone()];
         self.smoothed_errors(surface, &mut errors, &control.silent())?;
-        Ok(Judged { errors, points: self.points.clone(), halves, appearance })
+        Ok(Judged { errors, points: self.points.clone(), halves, shown })
     }
 
     /// One pass; counts its paths.

@@ -12,15 +12,13 @@
 
 use pellucid_core::random::mix;
 
+use super::codec_reader::{CONSTANT, PACKED, RUNS, Reader, Token, bits_for, damaged};
 use super::{inside, normalised, rows, tile_coords};
-use crate::{AIR, Frame, LabelGrid, Pitch, TILE_VOXELS, Tile, VoxelError};
+use crate::{Frame, LabelGrid, Pitch, TILE_VOXELS, Tile, VoxelError};
 
 const MAGIC: [u8; 8] = *b"PELGRID\x01";
 const HEADER: usize = 8 + 6 * 8 + 3 * 4;
 const CHECKSUM: usize = 8;
-const CONSTANT: u8 = 0;
-const RUNS: u8 = 1;
-const PACKED: u8 = 2;
 
 impl LabelGrid {
     /// The grid as bytes: the same for equal grids, whichever way their tiles are stored.
@@ -88,7 +86,7 @@ impl LabelGrid {
             ));
         }
         let mut tiles = Vec::with_capacity(count as usize);
-        let mut reader = Reader { rest: body };
+        let mut reader = Reader::new(body);
         while let Some(token) = reader.token()? {
             match token {
                 Token::Constant { count, label } => {
@@ -104,10 +102,6 @@ impl LabelGrid {
     }
 }
 
-fn damaged(reason: &str) -> VoxelError {
-    VoxelError::invalid("encoded grid", reason)
-}
-
 /// The frame, and the bytes of the tiles.
 fn open(bytes: &[u8]) -> Result<(Frame, &[u8]), VoxelError> {
     if bytes.get(..MAGIC.len()).is_none_or(|magic| magic != MAGIC) {
@@ -120,7 +114,7 @@ fn open(bytes: &[u8]) -> Result<(Frame, &[u8]), VoxelError> {
         return Err(damaged("its checksum is not that of its bytes; it was cut or changed"));
     }
     let (header, body) = content.split_at(HEADER);
-    let mut reader = Reader { rest: &header[MAGIC.len()..] };
+    let mut reader = Reader::new(&header[MAGIC.len()..]);
     let mut mm = [0.0; 6];
     for v in &mut mm {
         *v = f64::from_le_bytes(reader.array()?);
@@ -135,7 +129,7 @@ fn open(bytes: &[u8]) -> Result<(Frame, &[u8]), VoxelError> {
 
 /// Reads all tiles, checks that there are `count` and tells how many are dense.
 fn count_dense(body: &[u8], count: u64) -> Result<u64, VoxelError> {
-    let mut reader = Reader { rest: body };
+    let mut reader = Reader::new(body);
     let (mut tiles, mut dense) = (0u64, 0);
     while let Some(token) = reader.token()? {
         tiles = match token {
@@ -209,11 +203,6 @@ fn put_dense(out: &mut Vec<u8>, labels: &[u8; TILE_VOXELS]) {
     }
 }
 
-/// Bits that tell one of `labels` labels.
-fn bits_for(labels: usize) -> usize {
-    (labels.max(2) - 1).ilog2() as usize + 1
-}
-
 /// A mixing of all words: a changed word always shows, several with a chance of 2^-64 not to.
 fn checksum(bytes: &[u8]) -> u64 {
     let (words, rest) = bytes.as_chunks::<8>();
@@ -223,118 +212,10 @@ fn checksum(bytes: &[u8]) -> u64 {
     mix(sum ^ u64::from_le_bytes(last))
 }
 
-/// What a reader found.
-enum Token<'a> {
-    Constant { count: u64, label: u8 },
-    Dense(Dense<'a>),
-}
-
-/// A dense tile's bytes, whose length was checked.
-enum Dense<'a> {
-    Runs(&'a [u8]),
-    Packed { palette: &'a [u8], words: &'a [u8] },
-}
-
-impl Dense<'_> {
-    fn expand(self) -> Result<Box<[u8; TILE_VOXELS]>, VoxelError> {
-        let mut labels = Box::new([AIR; TILE_VOXELS]);
-        match self {
-            Self::Runs(bytes) => {
-                let mut reader = Reader { rest: bytes };
-                let mut at = 0;
-                while at < TILE_VOXELS {
-                    let count = reader.count()? as usize;
-                    labels[at..at + count].fill(reader.byte()?);
-                    at += count;
-                }
-            }
-            Self::Packed { palette, words } => {
-                let bits = bits_for(palette.len());
-                for (eight, bytes) in labels.as_chunks_mut::<8>().0.iter_mut().zip(words.chunks_exact(bits)) {
-                    let mut word = [0; 8];
-                    word[..bits].copy_from_slice(bytes);
-                    let mut word = u64::from_le_bytes(word);
-                    for label in eight {
-                        let position = (word & ((1 << bits) - 1)) as usize;
-                        *label = *palette.get(position).ok_or_else(|| damaged("a label is not listed"))?;
-                        word >>= bits;
-                    }
-                }
-            }
-        }
-        Ok(labels)
-    }
-}
-
-/// Takes bytes from the front.
-struct Reader<'a> {
-    rest: &'a [u8],
-}
-
-impl<'a> Reader<'a> {
-    fn take(&mut self, count: usize) -> Result<&'a [u8], VoxelError> {
-        let (taken, rest) = self.rest.split_at_checked(count).ok_or_else(|| damaged("ends within a tile"))?;
-        self.rest = rest;
-        Ok(taken)
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], VoxelError> {
-        let mut out = [0; N];
-        out.copy_from_slice(self.take(N)?);
-        Ok(out)
-    }
-
-    fn byte(&mut self) -> Result<u8, VoxelError> {
-        self.array().map(|[byte]| byte)
-    }
-
-    /// A count of at least 1 and below 2^42, as no frame has more tiles.
-    fn count(&mut self) -> Result<u64, VoxelError> {
-        let mut count = 0;
-        for shift in (0..42).step_by(7) {
-            let byte = self.byte()?;
-            count |= u64::from(byte & 0x7f) << shift;
-            if byte < 0x80 {
-                return if count == 0 { Err(damaged("a count is 0")) } else { Ok(count) };
-            }
-        }
-        Err(damaged("a count is too long"))
-    }
-
-    /// The next tiles; `None` at the end.
-    fn token(&mut self) -> Result<Option<Token<'a>>, VoxelError> {
-        if self.rest.is_empty() {
-            return Ok(None);
-        }
-        let token = match self.byte()? {
-            CONSTANT => Token::Constant { count: self.count()?, label: self.byte()? },
-            RUNS => {
-                let start = self.rest;
-                let mut told = 0;
-                while told < TILE_VOXELS as u64 {
-                    told += self.count()?;
-                    self.byte()?;
-                }
-                if told > TILE_VOXELS as u64 {
-                    return Err(damaged("a tile's runs pass its end"));
-                }
-                Token::Dense(Dense::Runs(&start[..start.len() - self.rest.len()]))
-            }
-            PACKED => {
-                let labels = usize::from(self.byte()?) + 1;
-                let palette = self.take(labels)?;
-                Token::Dense(Dense::Packed { palette, words: self.take(TILE_VOXELS * bits_for(labels) / 8)? })
-            }
-            _ => return Err(damaged("a tile is of no known kind")),
-        };
-        Ok(Some(token))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::TILE;
+    use crate::{AIR, TILE};
     use proptest::prelude::*;
 
     const ROOM: u64 = 1 << 24;

@@ -3,6 +3,7 @@
 #[cfg(feature = "ndarray")]
 mod array;
 mod codec;
+mod codec_reader;
 mod dense;
 
 use rayon::prelude::*;

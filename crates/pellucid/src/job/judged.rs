@@ -1,9 +1,9 @@
 //! The fourth artefact: what fresh paths say of the labels before and after, and what they look like.
 
 use pellucid_core::Control;
-use pellucid_predict::Predictor;
-use pellucid_proof::{Picture, View, Visibility};
-use pellucid_refine::{Evaluation, Judge, JudgeInput};
+use pellucid_predict::{Predictor, without_noise};
+use pellucid_proof::{Proof, View};
+use pellucid_refine::{Evaluation, Judge, JudgeInput, Judged as Judgement};
 use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
@@ -22,17 +22,8 @@ pub struct Judged {
     /// How far the network alone is off on the labels to print; absent with the path tracer, whose only error is
     /// noise.
     pub prediction: Option<PredictionError>,
-    /// Appearance in each view of the proof.
-    pub views: Vec<ProofView>,
-}
-
-/// What one view of the proof shows; colours are media-relative linear RGB.
-#[derive(Clone, Debug)]
-pub struct ProofView {
-    /// The view's name.
-    pub name: String,
-    /// Target, unrefined and refined appearance.
-    pub pictures: [Picture; 3],
+    /// Target, unrefined and refined appearance from both sides, media-relative linear RGB.
+    pub proof: Proof,
 }
 
 /// What the judge saw: kept by the workspace.
@@ -67,9 +58,13 @@ impl PrintJob {
                 verdict
             }
         };
-        let views =
-            monitor.run(Stage::Proof, |c| self.proof(aimed, &refined.labels, &verdict.appearance, c))?;
-        Ok(Judged { evaluation: verdict.evaluation, prediction: verdict.prediction, views })
+        let [before, after] = &verdict.appearance;
+        let states = [("target", &aimed.target[..]), ("unrefined", before), ("refined", after)];
+        let (surface, edge) = (aimed.object.surface(), self.settings.proof_edge);
+        let proof = monitor.run(Stage::Proof, |c| {
+            Proof::draw(&refined.labels, surface, &View::front_and_back(), edge, &states, c)
+        })?;
+        Ok(Judged { evaluation: verdict.evaluation, prediction: verdict.prediction, proof })
     }
 
     fn verdict(
@@ -94,11 +89,14 @@ impl PrintJob {
             Some(radiance) => Some(PredictionError::of(&after.prediction_error(&radiance)?)),
             None => None,
         };
-        Ok(Verdict {
-            evaluation: Evaluation { unrefined: before.errors, refined: after.errors },
-            prediction,
-            appearance: [before.appearance, after.appearance],
-        })
+        // For the eye only: the stated errors are of the paths themselves.
+        let pictured = |labels: &LabelGrid, judgement: &Judgement| {
+            let halves = judgement.shown.each_ref().map(Vec::as_slice);
+            without_noise(&aimed.object, labels, aimed.viewing.leading_channels(), halves, &silent)
+        };
+        let appearance = [pictured(&refined.unrefined, &before)?, pictured(&refined.labels, &after)?];
+        let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
+        Ok(Verdict { evaluation, prediction, appearance })
     }
 
     /// Radiance of some points by the network without its correction, where the job's predictor has one.
@@ -131,29 +129,6 @@ impl PrintJob {
         _: &Control<'_>,
     ) -> Result<Option<Vec<f32>>, PrintError> {
         Ok(None)
-    }
-
-    fn proof(
-        &self,
-        aimed: &Aimed,
-        labels: &LabelGrid,
-        appearance: &[Vec<[f32; 3]>; 2],
-        control: &Control<'_>,
-    ) -> Result<Vec<ProofView>, PrintError> {
-        let surface = aimed.object.surface();
-        let views = View::front_and_back();
-        let total = views.len() as u64;
-        let mut shown = Vec::new();
-        for (done, view) in views.into_iter().enumerate() {
-            control.report(done as u64, total);
-            let seen =
-                Visibility::trace(labels, surface, &view, self.settings.proof_edge, &control.silent())?;
-            let [before, after] = appearance;
-            let shade = |colors: &[[f32; 3]]| seen.shade(colors, &control.silent());
-            let pictures = [shade(&aimed.target)?, shade(before)?, shade(after)?];
-            shown.push(ProofView { name: view.name().to_owned(), pictures });
-        }
-        Ok(shown)
     }
 }
 

@@ -17,7 +17,7 @@ use pellucid_voxel::LabelGrid;
 use crate::{Monitor, PrintError, PrintSettings, Record, Workspace, predictors};
 
 pub use aimed::{Aimed, SharedInk};
-pub use judged::{Judged, ProofView};
+pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
 pub use refined::Refined;

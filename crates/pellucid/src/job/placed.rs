@@ -1,7 +1,7 @@
 //! The first artefact: which voxels are solid, and what colour their surface has in the texture.
 
-use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
-use pellucid_mesh::{MeshReport, Model, Placement, surface_colors};
+use pellucid_mesh::{MeshReport, Model, PlacedMesh, Placement, VoxeliseOptions};
+use pellucid_slice::check_extent;
 use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
 
 use crate::record::ModelRecord;
@@ -41,18 +41,22 @@ impl PrintJob {
     /// [`PrintError::Unsupported`] at once when it is larger than the printer; [`PrintError`] of the step that failed.
     pub fn place(&self, model: &Model, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
         let s = &self.settings;
-        self.check_extent(Placement::new(model, s.scale)?.extent_mm())?;
+        let placement = Placement::new(model, s.scale)?;
+        check_extent(&s.printer, placement.extent_mm())?;
         let options = VoxeliseOptions {
             pitch: s.printer.pitch(),
             scale: s.scale,
             label: self.white,
             ..VoxeliseOptions::default()
         };
-        let voxelised = monitor.run(Stage::Voxelise, |c| voxelise(model, &options, c))?;
-        warn_of_mesh(&voxelised.report, monitor);
+        let (mesh, voxelised) = monitor.run(Stage::Voxelise, |c| {
+            let mesh = PlacedMesh::at(model, placement);
+            let voxelised = mesh.voxelise(&options, c)?;
+            Ok::<_, PrintError>((mesh, voxelised))
+        })?;
+        voxelised.report.warnings().iter().for_each(|warning| monitor.warn(warning));
         let shape = self.measure(voxelised.grid, monitor)?;
-        let texture = monitor
-            .run(Stage::Texture, |c| surface_colors(model, &voxelised.placement, &shape.surface, c))?;
+        let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
         Ok(Placed {
             model: ModelRecord::of(model),
             texture,
@@ -83,7 +87,7 @@ impl PrintJob {
                 format!("its pitch is {mm:?} mm; the printer's is {wanted:?} mm"),
             ));
         }
-        self.check_extent(std::array::from_fn(|a| f64::from(size[a]) * mm[a]))?;
+        check_extent(&self.settings.printer, std::array::from_fn(|a| f64::from(size[a]) * mm[a]))?;
         let white = self.white;
         let solid =
             LabelGrid::from_fn(*labels.frame(), |voxel| if labels.get(voxel) == AIR { AIR } else { white });
@@ -95,24 +99,6 @@ impl PrintJob {
         }
         placed.model = ModelRecord::of_volume(name, &placed.solid, &placed.texture);
         Ok(placed)
-    }
-
-    fn check_extent(&self, extent_mm: [f64; 3]) -> Result<(), PrintError> {
-        let printer = &self.settings.printer;
-        let space = printer.build_space_mm();
-        if (0..3).all(|a| extent_mm[a] <= space[a]) {
-            return Ok(());
-        }
-        let text = |mm: [f64; 3]| mm.map(|v| format!("{v:.4}")).map(trimmed).join(" x ");
-        Err(PrintError::unsupported(
-            "size",
-            format!(
-                "{} mm; printer {:?} prints {} mm at most: give a smaller height",
-                text(extent_mm),
-                printer.name(),
-                text(space)
-            ),
-        ))
     }
 
     /// Everything of a placed shape that follows from its voxels; colour, name and extent are the caller's.
@@ -144,25 +130,5 @@ impl PrintJob {
             extent_mm: std::array::from_fn(|a| f64::from(size[a]) * mm[a]),
             mesh: None,
         })
-    }
-}
-
-/// Without the zeros at the end of a decimal fraction; huge numbers in powers of ten.
-fn trimmed(number: String) -> String {
-    if number.len() > 12 {
-        return number.parse::<f64>().map_or(number, |v| format!("{v:.1e}"));
-    }
-    number.trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-fn warn_of_mesh(mesh: &MeshReport, monitor: &Monitor<'_>) {
-    if !mesh.closed {
-        monitor.warn(&format!("the mesh is open; {} holes were closed", mesh.holes));
-    }
-    if mesh.flipped_shells > 0 {
-        monitor.warn(&format!("{} shells faced inwards and were turned round", mesh.flipped_shells));
-    }
-    if mesh.thin_voxels > 0 {
-        monitor.warn("parts thinner than a voxel were kept one voxel thick");
     }
 }

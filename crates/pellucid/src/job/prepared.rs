@@ -2,18 +2,14 @@
 
 use std::path::Path;
 
+use pellucid_core::FileError;
 use pellucid_core::files::write_whole_bytes;
 use pellucid_core::staging::{OwnFiles, StagedDir};
-use pellucid_core::{Control, FileError};
-use pellucid_proof::{contact_sheet, write_exr};
 use pellucid_slice::{ExportSettings, Recorded, write_stack};
 
 use crate::job::{Aimed, Judged, Refined};
 use crate::stage::Stage;
 use crate::{Monitor, PrintError, Record, Report};
-
-/// The proof's columns, as EXR layers call them.
-const COLUMNS: [&str; 3] = ["target", "unrefined", "refined"];
 
 /// What a prepared print consists of; only a folder of these is ever replaced.
 pub fn own_files() -> OwnFiles {
@@ -73,7 +69,10 @@ impl Prepared {
         monitor.run(Stage::Slices, |c| {
             write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
         })?;
-        monitor.run(Stage::Proof, |c| self.write_proof(staged.path(), c))?;
+        monitor.run(Stage::Proof, |c| {
+            self.judged.proof.write_png(staged.path().join("proof.png"), c)?;
+            self.judged.proof.write_exr(staged.path().join("proof.exr"), c)
+        })?;
         let report = self.report(monitor);
         let path = staged.path().join("report.json");
         let mut text = serde_json::to_vec_pretty(&report)
@@ -82,18 +81,5 @@ impl Prepared {
         write_whole_bytes(&path, &text)?;
         staged.commit()?;
         Ok(report)
-    }
-
-    fn write_proof(&self, dir: &Path, control: &Control<'_>) -> Result<(), PrintError> {
-        let control = &control.silent();
-        let rows: Vec<Vec<_>> = self.judged.views.iter().map(|v| v.pictures.to_vec()).collect();
-        contact_sheet(&rows, control)?.write_png(dir.join("proof.png"), control)?;
-        let layers: Vec<(String, &pellucid_proof::Picture)> = self
-            .judged
-            .views
-            .iter()
-            .flat_map(|v| COLUMNS.iter().zip(&v.pictures).map(|(c, p)| (format!("{c}.{}", v.name), p)))
-            .collect();
-        Ok(write_exr(dir.join("proof.exr"), &layers, control)?)
     }
 }

@@ -1,33 +1,66 @@
-//! `pellucid study tracer`: error against run time of every estimator of the path tracer.
+//! Error against run time of every estimator of the path tracer.
+//!
+//! `cargo bench -p pellucid-benches --bench tracer_error`: two scenes in about two minutes; `-- --full` for all of
+//! `docs/results/tracer_error`.
 
-mod output;
 mod rates;
+mod report;
 mod scenes;
 
 use std::error::Error;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
+use clap::Parser;
 use pellucid::trace::{AssistOptions, ErrorTarget, TraceOptions, Tracer};
 use pellucid::voxel::{Control, LabelGrid, MaterialTable};
-
-use crate::Failure;
-use crate::files::write_files;
-use crate::stopwatch::time;
+use pellucid_benches::study::stopwatch::time;
+use pellucid_benches::study::{Record, Study, StudySettings};
 use scenes::{Scene, ball, scene, solid};
 
 /// Error against run time of the path tracer's estimators, and its speed beside Mitsuba's
-#[derive(clap::Args)]
-pub struct Args {
-    /// Folder for tracer.md, tracer.csv and tracer.svg
-    #[arg(long, default_value = "docs/results")]
-    out: PathBuf,
-    /// Paths per point and channel of the reference
-    #[arg(long, default_value_t = 16_384)]
-    reference_spp: u32,
-    /// Script that measures Mitsuba, run when Python has it
-    #[arg(long, default_value = "benches/peers/mitsuba_cube.py")]
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    study: StudySettings,
+    /// Paths per point and channel of the reference; 16384 in full, else 4096
+    #[arg(long)]
+    reference_spp: Option<u32>,
+    /// Script that measures Mitsuba, run in full when Python has it
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/peers/mitsuba_cube.py"))]
     peer: PathBuf,
+}
+
+/// How much is measured.
+struct Effort {
+    scenes: usize,
+    reference_spp: u32,
+    /// Powers of two up to which paths are doubled.
+    plain: u32,
+    assisted: u32,
+    /// Standard errors that the adaptive estimator aims at.
+    adaptive: &'static [f32],
+}
+
+impl Effort {
+    fn of(args: &Args) -> Self {
+        let reference_spp = |otherwise| args.reference_spp.unwrap_or(otherwise);
+        match args.study.full {
+            true => Self {
+                scenes: usize::MAX,
+                reference_spp: reference_spp(16_384),
+                plain: 10,
+                assisted: 8,
+                adaptive: &[0.08, 0.04, 0.02, 0.01],
+            },
+            false => Self {
+                scenes: 2,
+                reference_spp: reference_spp(4096),
+                plain: 8,
+                assisted: 6,
+                adaptive: &[0.08, 0.04, 0.02],
+            },
+        }
+    }
 }
 
 /// One measurement.
@@ -43,7 +76,7 @@ struct Row {
 /// Runs every estimator on a scene.
 fn measure(
     scene: &Scene,
-    reference_spp: u32,
+    effort: &Effort,
     rows: &mut Vec<Row>,
     control: &Control<'_>,
 ) -> Result<(), Box<dyn Error>> {
@@ -55,7 +88,7 @@ fn measure(
     let count = judged.len() * n;
     let mut reference = vec![0.0; count];
     let mut reference_error = vec![0.0; count];
-    tracer(reference_spp)?.radiance_with_error(
+    tracer(effort.reference_spp)?.radiance_with_error(
         &judged,
         1000,
         &mut reference,
@@ -69,7 +102,7 @@ fn measure(
         // The reference's own variance is known and does not belong to the estimator.
         ((square - noise).max(0.0).sqrt(), d.iter().sum::<f64>() / count as f64)
     };
-    for exponent in 0..=10 {
+    for exponent in 0..=effort.plain {
         let spp = 1 << exponent;
         let tracer = tracer(spp)?;
         let mut l = vec![0.0; count];
@@ -84,7 +117,7 @@ fn measure(
             rmse,
             bias,
         });
-        if exponent <= 8 {
+        if exponent <= effort.assisted {
             let mut all = vec![0.0; scene.patch.len() * n];
             let options = AssistOptions::default();
             let (_, spent) = time(|| tracer.radiance_assisted(&scene.patch, 0, &options, &mut all, control))?;
@@ -102,7 +135,7 @@ fn measure(
             });
         }
     }
-    for std_error in [0.08f32, 0.04, 0.02, 0.01] {
+    for &std_error in effort.adaptive {
         let (mut l, mut e) = (vec![0.0; count], vec![0.0; count]);
         let target = ErrorTarget { std_error, max_spp: 1 << 16 };
         let tracer = tracer(1)?;
@@ -115,24 +148,24 @@ fn measure(
     Ok(())
 }
 
-/// Runs the study on one thread and writes its results.
-pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
-    let control = Control::none().with_cancel(cancel);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let result = pool
-        .map_err(|e| e.to_string())
-        .and_then(|pool| pool.install(|| study(args, &control)).map_err(|e| e.to_string()));
-    match result {
-        Ok(()) => Ok(()),
-        Err(_) if control.cancelled() => Err(Failure::Cancelled),
-        Err(message) => Err(Failure::Error(message)),
-    }
+fn main() -> Result<(), Box<dyn Error>> {
+    let args = Args::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    pool.install(|| study(&args).map_err(|e| e.to_string()))?;
+    Ok(())
 }
 
-fn study(args: &Args, control: &Control<'_>) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let text = |e: Box<dyn Error>| e.to_string();
-    let mut rates = rates::cube(control).map_err(text)?;
-    rates.extend(rates::mitsuba(&args.peer).unwrap_or_default());
+fn study(args: &Args) -> Result<(), Box<dyn Error>> {
+    let control = Control::none();
+    let effort = Effort::of(args);
+    let mut record = Record::now("tracer_error", 1);
+    record.add("reference", format!("{} paths a point and channel", effort.reference_spp));
+    let study = Study::new("tracer_error", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+
+    let mut rates = rates::cube(&control)?;
+    if args.study.full {
+        rates.extend(rates::mitsuba(&args.peer).unwrap_or_default());
+    }
     for (name, rate) in &rates {
         println!("{name}: {rate:.0} paths/s");
     }
@@ -148,19 +181,18 @@ fn study(args: &Args, control: &Control<'_>) -> Result<(), Box<dyn Error + Send 
     ];
     let mut rows = Vec::new();
     let mut names = Vec::new();
-    for (name, what, make) in makers {
-        let scene = scene(name, what, &make(), control).map_err(text)?;
+    for (name, what, make) in makers.into_iter().take(effort.scenes) {
+        let scene = scene(name, what, &make(), &control)?;
         println!("{name}: {} points in the patch, {} judged", scene.patch.len(), scene.judged.len());
-        measure(&scene, args.reference_spp, &mut rows, control).map_err(text)?;
+        measure(&scene, &effort, &mut rows, &control)?;
         names.push((scene.name, scene.what));
     }
-    write_files(
-        &args.out,
-        &[
-            ("tracer.csv", output::csv(&rows)),
-            ("tracer.md", output::markdown(&names, &rows, &rates, args.reference_spp)),
-            ("tracer.svg", output::svg(&names, &rows)),
-        ],
+    let text = report::markdown(&names, &rows, &rates);
+    study.write(
+        "Path tracer: error against run time",
+        &text,
+        &report::table(&rows),
+        &report::plot(&names, &rows),
     )?;
     Ok(())
 }

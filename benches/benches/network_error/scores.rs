@@ -1,27 +1,25 @@
 //! Errors and times of every predictor on a labelled set.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
-use pellucid::color::space::lab_of_linear_rgb;
-use pellucid::color::{DeltaEStats, delta_e::delta_e_2000_of};
-use pellucid::dataset::{LabelledSet, ShapeClass};
-use pellucid::dataset::{STENCIL_VALUES, Sampler};
-use pellucid::refine::{AppearancePredictor, Scene};
-use pellucid::rpnn::train::Score;
+use pellucid::color::delta_e::delta_e_2000_of_linear_rgb;
+use pellucid::color::{ErrorStats, Viewing};
+use pellucid::dataset::{Judgement, LabelledSet, Sampler, ShapeClass};
+use pellucid::predict::Object;
 use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
 
-use super::{Candidate, Error};
-use crate::stopwatch::{seconds, time};
+use super::shared::{name_in_use, sample_seconds, shares};
+use super::{Candidate, Error, shared};
+use pellucid_benches::study::stopwatch::{seconds, time};
 
 /// Paths a point and channel of the Monte Carlo estimates.
 const PATHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 const MOST: u32 = PATHS[PATHS.len() - 1];
 /// Surface points on which extraction is timed.
-const TIMED_POINTS: usize = 4096;
-const NOT_ON_SURFACE: &str = "a labelled voxel is not on the surface";
+pub const TIMED_POINTS: usize = 4096;
 /// Samples that a network predicts at a time.
 const CHUNK: usize = 4096;
 
@@ -47,7 +45,7 @@ pub struct Row {
 pub fn measure(
     name: &str,
     set: &LabelledSet,
-    white: [f64; 3],
+    viewing: &Viewing,
     candidates: &[Candidate],
     rows: &mut Vec<Row>,
     control: &Control<'_>,
@@ -59,37 +57,38 @@ pub fn measure(
     let extraction = extraction(&sampler, volumes.first().map_or(0, |v| v.0), control)?;
     for candidate in candidates {
         let mut inference = candidate.inference()?;
-        let mut predicted = vec![0.0; set.len()];
-        let mut stencils = vec![0.0; CHUNK * STENCIL_VALUES];
         let mut spent = 0.0;
-        for (chunk, out) in predicted.chunks_mut(CHUNK).enumerate() {
-            control.check()?;
-            let stencils = &mut stencils[..out.len() * STENCIL_VALUES];
-            set.stencils(chunk * CHUNK, stencils);
+        let predicted = set.predictions(CHUNK, control, |stencils, out| {
             let start = seconds();
             inference.radiance(stencils, out)?;
             spent += seconds() - start;
-        }
+            Ok::<_, Error>(())
+        })?;
         let time = 1e6 * (spent / set.len() as f64 + extraction);
-        judge(name, set, white, (&candidate.name, 0, time), &predicted, rows)?;
+        add(name, set, viewing, (&candidate.name, 0, time), &predicted, rows)?;
     }
-    let sharing = candidates.first().filter(|c| c.shares());
-    let mut shared = Shared { predicted: vec![0.0; set.len()], sample_seconds: 0.0 };
+    let sharing = candidates.first().filter(|c| shares(c));
+    let (mut shared_predicted, mut shared_seconds) = (vec![0.0; set.len()], 0.0);
     let mut predicted = PATHS.map(|_| vec![0.0; set.len()]);
     let mut spent = 0.0;
     for (n, (volume, samples)) in volumes.into_iter().enumerate() {
         let grid = sampler.grid(volume)?;
         let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
-        if let Some(candidate) = sharing {
-            let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
-            shared.volume(candidate, &scene, set, samples.clone(), n == 0, control)?;
-        }
         let traced = Volume::new(&grid, &surface, control)?;
         let points = samples
             .clone()
             .step_by(set.channels())
-            .map(|i| surface.index_of(set.voxel(i)).ok_or(NOT_ON_SURFACE))
+            .map(|i| surface.index_of(set.voxel(i)).ok_or("a labelled voxel is not on the surface"))
             .collect::<Result<Vec<u32>, _>>()?;
+        if let Some(candidate) = sharing {
+            let index = header.recipe.refractive_index;
+            let object = Arc::new(Object::new(surface, sampler.materials().clone(), index)?);
+            let predicted = shared::predict(candidate, &grid, &object, &points, control)?;
+            shared_predicted[samples.clone()].copy_from_slice(&predicted);
+            if n == 0 {
+                shared_seconds = sample_seconds(candidate, &grid, &object, control)?;
+            }
+        }
         for (spp, out) in PATHS.iter().zip(&mut predicted) {
             let options = TraceOptions { spp: *spp, seed: u64::from(volume), boundary, ..Default::default() };
             let tracer = Tracer::new(&traced, sampler.materials(), options)?;
@@ -102,56 +101,15 @@ pub fn measure(
         }
     }
     if let Some(candidate) = sharing {
-        let time = 1e6 * shared.sample_seconds;
-        judge(name, set, white, (&candidate.name_in_use(), 0, time), &shared.predicted, rows)?;
+        let time = 1e6 * shared_seconds;
+        add(name, set, viewing, (&name_in_use(candidate), 0, time), &shared_predicted, rows)?;
     }
     for (spp, predicted) in PATHS.iter().zip(&predicted) {
         // Fewer paths on the points of one volume take less than the system's tick.
         let time = 1e6 * spent / set.len() as f64 * f64::from(*spp) / f64::from(MOST);
-        judge(name, set, white, (&format!("Monte Carlo, {spp} paths"), *spp, time), predicted, rows)?;
+        add(name, set, viewing, (&format!("Monte Carlo, {spp} paths"), *spp, time), predicted, rows)?;
     }
     Ok(())
-}
-
-/// Predictions of a network whose points share coarse levels.
-struct Shared {
-    predicted: Vec<f32>,
-    /// Processor seconds a sample of neighbouring surface points.
-    sample_seconds: f64,
-}
-
-impl Shared {
-    /// Predicts a volume's samples; a point's value does not depend on the others, but its time does, and
-    /// is measured on neighbours when `timed`.
-    fn volume(
-        &mut self,
-        candidate: &Candidate,
-        scene: &Scene<'_>,
-        set: &LabelledSet,
-        samples: Range<usize>,
-        timed: bool,
-        control: &Control<'_>,
-    ) -> Result<(), Error> {
-        let points = samples
-            .clone()
-            .step_by(set.channels())
-            .map(|i| scene.surface.index_of(set.voxel(i)).ok_or(NOT_ON_SURFACE))
-            .collect::<Result<Vec<u32>, _>>()?;
-        let mut network = candidate.predictor();
-        network.predict(scene, &points, 0, &mut self.predicted[samples], control)?;
-        if timed {
-            let order = near_order(scene.surface.voxels());
-            let near = &order[..order.len().min(TIMED_POINTS)];
-            let mut out = vec![0.0; near.len() * set.channels()];
-            let (_, spent) = time(|| {
-                // The table is there already: no label changed.
-                network.tiles_changed(&[]);
-                network.predict(scene, near, 0, &mut out, control)
-            })?;
-            self.sample_seconds = spent / out.len() as f64;
-        }
-        Ok(())
-    }
 }
 
 /// Runs of samples of one volume.
@@ -181,54 +139,42 @@ fn extraction(sampler: &Sampler, volume: u32, control: &Control<'_>) -> Result<f
     Ok(spent / (points.len() * sampler.channels()).max(1) as f64)
 }
 
-fn judge(
+fn add(
     name: &str,
     set: &LabelledSet,
-    white: [f64; 3],
+    viewing: &Viewing,
     (predictor, spp, microseconds): (&str, u32, f64),
     predicted: &[f32],
     rows: &mut Vec<Row>,
 ) -> Result<(), Error> {
-    let mut families: BTreeMap<String, (ShapeClass, Vec<usize>)> = BTreeMap::new();
-    for i in 0..set.len() {
-        let class = set.class(i);
-        families.entry(format!("{class:?}")).or_insert_with(|| (class, Vec::new())).1.push(i);
-    }
-    let parts = families.into_values().map(|(class, samples)| (Some(class), samples));
-    for (class, samples) in std::iter::once((None, (0..set.len()).collect())).chain(parts) {
+    let judgement = Judgement::of(set, predicted)?;
+    let classes = judgement.classes.iter().map(|(class, errors)| (Some(*class), errors));
+    for (class, errors) in std::iter::once((None, &judgement.whole)).chain(classes) {
+        let of_class = |i: &usize| class.is_none_or(|class| set.class(*i) == class);
+        let samples: Vec<usize> = (0..set.len()).filter(of_class).collect();
         let pick = |from: &[f32]| samples.iter().map(|&i| from[i]).collect::<Vec<_>>();
-        let (ours, labels) = (pick(predicted), pick(set.radiance()));
-        let score = Score::new(&ours, &labels, &pick(set.std_error()))?;
         rows.push(Row {
             set: name.to_owned(),
             class,
             predictor: predictor.to_owned(),
             spp,
             microseconds,
-            samples: score.samples,
-            rmse: score.rmse,
-            bias: score.bias,
-            p95: score.p95,
-            delta_e: delta_e(&ours, &labels, white)?,
+            samples: errors.score.count(),
+            rmse: errors.score.rmse(),
+            bias: errors.score.bias(),
+            p95: errors.absolute.p95,
+            delta_e: delta_e(&pick(predicted), &pick(set.radiance()), viewing),
         });
     }
     Ok(())
 }
 
-/// Mean CIEDE2000 of samples in threes, R, G, B.
-fn delta_e(a: &[f32], b: &[f32], white: [f64; 3]) -> Result<f64, Error> {
-    let lab = |values: &[f32]| {
-        let rgb: Vec<[f32; 3]> = values
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .map(|rgb| std::array::from_fn(|c| rgb[c] / white[c] as f32))
-            .collect();
-        let mut lab = vec![[0.0; 3]; rgb.len()];
-        lab_of_linear_rgb(&rgb, &mut lab);
-        lab
+/// Mean CIEDE2000 of the samples of whole points, a value a channel.
+fn delta_e(a: &[f32], b: &[f32], viewing: &Viewing) -> f64 {
+    let rgb = |values: &[f32]| -> Vec<[f32; 3]> {
+        values.chunks_exact(viewing.channels()).map(|point| viewing.relative_rgb(point)).collect()
     };
-    let mut differences = vec![0.0; a.len() / 3];
-    delta_e_2000_of(&lab(a), &lab(b), &mut differences);
-    Ok(DeltaEStats::of(&differences)?.mean)
+    let mut differences = vec![0.0; a.len() / viewing.channels()];
+    delta_e_2000_of_linear_rgb(&rgb(a), &rgb(b), &mut differences);
+    ErrorStats::of(differences).mean
 }

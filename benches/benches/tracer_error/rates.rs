@@ -10,7 +10,7 @@ use pellucid::voxel::{
     Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, Tile,
 };
 
-use crate::stopwatch::time;
+use pellucid_benches::study::stopwatch::time;
 
 /// Best paths a second of several runs of the white cube, blue, index-matched, on one thread.
 pub(super) fn cube(control: &Control<'_>) -> Result<Vec<(String, f64)>, Box<dyn Error>> {

@@ -1,15 +1,16 @@
 //! False-colour pictures of where predictors err.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use pellucid::dataset::LabelledSet;
-use pellucid::dataset::Sampler;
+use pellucid::color::Viewing;
+use pellucid::dataset::{LabelledSet, Sampler};
+use pellucid::predict::Object;
 use pellucid::proof::{View, Visibility, contact_sheet};
-use pellucid::refine::{AppearancePredictor, Scene};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::{Control, Surface, SurfaceOptions};
 
-use super::{Candidate, Error};
+use super::{Candidate, Error, shared};
 
 /// Paths of the reference.
 const REFERENCE: u32 = 1024;
@@ -21,7 +22,7 @@ const FULL: f32 = 0.1;
 pub fn draw(
     path: &Path,
     set: &LabelledSet,
-    white: [f64; 3],
+    viewing: &Viewing,
     candidates: &[Candidate],
     paths: f64,
     edge: u32,
@@ -36,10 +37,11 @@ pub fn draw(
     let seen = Visibility::trace(&grid, &surface, &view, edge, control)?;
     let points = seen.visible_points();
 
+    let channels = set.channels();
     let volume = Volume::new(&grid, &surface, control)?;
     let traced = |spp: u32, iteration: u32| -> Result<Vec<f32>, Error> {
         let options = TraceOptions { spp, boundary, ..Default::default() };
-        let mut out = vec![0.0; points.len() * 3];
+        let mut out = vec![0.0; points.len() * channels];
         Tracer::new(&volume, sampler.materials(), options)?
             .radiance(&points, iteration, &mut out, control)?;
         Ok(out)
@@ -47,25 +49,25 @@ pub fn draw(
     let reference = traced(REFERENCE, 0)?;
     let noisy = traced((paths.round() as u32).clamp(1, REFERENCE), 1)?;
 
-    let scene = Scene { grid: &grid, surface: &surface, materials: sampler.materials() };
-    let mut predictions = Vec::new();
-    for candidate in candidates {
-        let mut predicted = vec![0.0; points.len() * 3];
-        candidate.predictor().predict(&scene, &points, 0, &mut predicted, control)?;
-        predictions.push(predicted);
-    }
+    let object = Arc::new(Object::new(surface, sampler.materials().clone(), header.recipe.refractive_index)?);
+    let mut predictions = candidates
+        .iter()
+        .map(|c| shared::predict(c, &grid, &object, &points, control))
+        .collect::<Result<Vec<_>, _>>()?;
     predictions.push(noisy);
 
     let spread = |colour: &dyn Fn(usize) -> [f32; 3]| {
-        let mut all = vec![[0.0; 3]; surface.len()];
+        let mut all = vec![[0.0; 3]; object.surface().len()];
         points.iter().enumerate().for_each(|(i, &p)| all[p as usize] = colour(i));
         seen.shade(&all, control)
     };
     let appearance =
-        |values: &[f32]| spread(&|i| std::array::from_fn(|c| values[3 * i + c] / white[c] as f32));
+        |values: &[f32]| spread(&|i| viewing.relative_rgb(&values[i * channels..(i + 1) * channels]));
     let error = |values: &[f32]| {
         spread(&|i| {
-            let difference = (0..3).map(|c| values[3 * i + c] - reference[3 * i + c]).sum::<f32>() / 3.0;
+            let own = i * channels..(i + 1) * channels;
+            let sum: f32 = values[own.clone()].iter().zip(&reference[own]).map(|(a, b)| a - b).sum();
+            let difference = sum / channels as f32;
             let part = (difference / FULL).clamp(-1.0, 1.0);
             // White at no error; the stronger the error, the less of the other two colours.
             if part > 0.0 { [1.0, 1.0 - part, 1.0 - part] } else { [1.0 + part, 1.0 + part, 1.0] }

@@ -1,0 +1,37 @@
+//! The arguments of every study.
+
+use std::path::PathBuf;
+
+/// Arguments that every study takes; flatten them into its own.
+#[derive(Clone, Debug, clap::Args)]
+pub struct StudySettings {
+    /// Measure as the published figures were, and write to docs/results; without it less, in minutes, to the build folder
+    #[arg(long)]
+    pub full: bool,
+    /// Folder to write to instead
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// What cargo passes to every benchmark
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Args {
+        #[command(flatten)]
+        study: StudySettings,
+    }
+
+    #[test]
+    fn cargos_argument_changes_nothing() {
+        let study = Args::try_parse_from(["study", "--full", "--bench"]).unwrap().study;
+        assert!(study.full && study.out.is_none());
+        let study = Args::try_parse_from(["study", "--bench"]).unwrap().study;
+        assert!(!study.full);
+    }
+}

@@ -1,0 +1,201 @@
+//! Checkpoints of long work in a folder of their own: a record of what the work is, and what its steps have done.
+//!
+//! Each file is written whole or not at all, so work that was killed goes on from the last step that it finished. The
+//! record says whose checkpoints they are: another job's are refused, with the difference named.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+use crate::FileError;
+use crate::files::{read_bounded, write_whole_bytes};
+
+/// Name of the record.
+const RECORD: &str = "record.json";
+/// Most bytes of a record.
+const RECORD_LIMIT: u64 = 16 << 20;
+/// Most bytes of a checkpoint.
+const LIMIT: u64 = 64 << 30;
+
+/// Why checkpoints cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointError {
+    /// They are of other work.
+    #[error("the checkpoints in {} are of another job: {difference}", folder.display())]
+    Other {
+        /// The folder.
+        folder: PathBuf,
+        /// What differs.
+        difference: String,
+    },
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// A folder of checkpoints; or none, for work that keeps nothing.
+///
+/// ```
+/// use pellucid_core::Checkpoints;
+/// let folder = tempfile::tempdir()?;
+/// let job = serde_json::json!({ "seed": 7 });
+/// let work = Checkpoints::create(folder.path().join("job"));
+/// work.begin(&job)?;
+/// work.save("step.bin", &[1, 2, 3])?;
+/// // Later, in another process:
+/// let again = Checkpoints::resume(folder.path().join("job"));
+/// again.begin(&job)?;
+/// assert_eq!(again.load("step.bin")?, Some(vec![1, 2, 3]));
+/// let other = again.begin(&serde_json::json!({ "seed": 8 })).unwrap_err();
+/// assert!(other.to_string().ends_with("seed was 7 and is 8"));
+/// again.remove(&["step.bin"])?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct Checkpoints {
+    folder: Option<PathBuf>,
+    resume: bool,
+    record: OnceLock<Value>,
+}
+
+impl Checkpoints {
+    /// Keeps nothing.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Of new work. The folder is made with the first checkpoint: work that ends before leaves nothing.
+    pub fn create(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: Some(folder.into()), ..Self::default() }
+    }
+
+    /// Goes on with what a folder holds; as new work where there is none.
+    pub fn resume(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: Some(folder.into()), resume: true, ..Self::default() }
+    }
+
+    /// Whether there is something to go on with.
+    pub fn has_any(&self) -> bool {
+        self.resume && self.folder.as_ref().is_some_and(|folder| folder.join(RECORD).exists())
+    }
+
+    /// Says what the work is: new work is recorded, interrupted work compared.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Other`] naming the difference, [`CheckpointError::File`].
+    pub fn begin(&self, record: &Value) -> Result<(), CheckpointError> {
+        let Some(folder) = self.folder.as_ref().filter(|_| self.has_any()) else {
+            let _ = self.record.set(record.clone());
+            return Ok(());
+        };
+        let other = |difference: String| CheckpointError::Other { folder: folder.clone(), difference };
+        let bytes = read_bounded(folder.join(RECORD), RECORD_LIMIT)?;
+        let earlier: Value = serde_json::from_slice(&bytes)
+            .map_err(|e| other(format!("{RECORD}: {}", crate::json::plain(&e))))?;
+        difference("", &earlier, record).map_or(Ok(()), |difference| Err(other(difference)))
+    }
+
+    /// What a step left, where the work goes on.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn load(&self, name: &str) -> Result<Option<Vec<u8>>, FileError> {
+        match self.folder.as_ref().filter(|_| self.resume).map(|folder| folder.join(name)) {
+            Some(path) if path.exists() => Ok(Some(read_bounded(path, LIMIT)?)),
+            _ => Ok(None),
+        }
+    }
+
+    /// Whether [`Checkpoints::save`] keeps anything, so that its bytes are worth making.
+    pub fn keeps(&self) -> bool {
+        self.folder.is_some()
+    }
+
+    /// Keeps what a step has done.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn save(&self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let path = folder.join(RECORD);
+        if let Some(record) = self.record.get().filter(|_| !path.exists()) {
+            fs::create_dir_all(folder).map_err(FileError::at("create", folder))?;
+            write_whole_bytes(&path, format!("{record:#}\n").as_bytes())?;
+        }
+        write_whole_bytes(folder.join(name), bytes)
+    }
+
+    /// Removes the checkpoints `names` of work that is complete, the record and the folder. What others put there
+    /// stays, and so does the folder then.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn remove(&self, names: &[&str]) -> Result<(), FileError> {
+        let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists()) else { return Ok(()) };
+        for path in names.iter().chain([&RECORD]).map(|name| folder.join(name)) {
+            gone(&path, fs::remove_file(&path), std::io::ErrorKind::NotFound)?;
+        }
+        gone(folder, fs::remove_dir(folder), std::io::ErrorKind::DirectoryNotEmpty)
+    }
+}
+
+fn gone(path: &Path, removed: std::io::Result<()>, fine: std::io::ErrorKind) -> Result<(), FileError> {
+    match removed {
+        Err(e) if e.kind() != fine => Err(FileError::at("remove", path)(e)),
+        _ => Ok(()),
+    }
+}
+
+/// The first place where two values differ, with both, in words; `None` where they are alike.
+fn difference(at: &str, was: &Value, is: &Value) -> Option<String> {
+    match (was, is) {
+        (Value::Object(was), Value::Object(is)) => {
+            let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
+            keys.into_iter().find_map(|key| {
+                let at = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
+                let [was, is] = [was, is].map(|map| map.get(key).unwrap_or(&Value::Null));
+                difference(&at, was, is)
+            })
+        }
+        _ if was == is => None,
+        _ => Some(format!("{at} was {was} and is {is}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_difference_names_the_field_and_both_values() {
+        let was = json!({ "settings": { "spp": 16, "refine": { "iterations": 10 } }, "x": [1, 2] });
+        assert_eq!(difference("", &was, &was), None);
+        let mut is = was.clone();
+        is["settings"]["refine"]["iterations"] = json!(8);
+        assert_eq!(difference("", &was, &is).unwrap(), "settings.refine.iterations was 10 and is 8");
+        is = was.clone();
+        is["y"] = json!("new");
+        assert_eq!(difference("", &was, &is).unwrap(), "y was null and is \"new\"");
+    }
+
+    #[test]
+    fn new_work_leaves_nothing_before_its_first_checkpoint_and_foreign_files_stay() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("job");
+        let work = Checkpoints::create(&folder);
+        work.begin(&json!({})).unwrap();
+        assert!(!folder.exists() && !work.has_any());
+        work.save("a.bin", b"a").unwrap();
+        assert_eq!(Checkpoints::create(&folder).load("a.bin").unwrap(), None, "new work takes nothing up");
+        fs::write(folder.join("mine.txt"), "").unwrap();
+        work.remove(&["a.bin"]).unwrap();
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+        fs::remove_file(folder.join("mine.txt")).unwrap();
+        work.remove(&["a.bin"]).unwrap();
+        assert!(!folder.exists());
+    }
+}
