@@ -9,6 +9,9 @@ use pellucid_voxel::{
 
 use crate::{Object, PredictError};
 
+/// Neighbours among a case's points.
+const RUN: usize = 8;
+
 /// An object, its labels, and the points that most checks predict.
 #[derive(Clone, Debug)]
 pub struct Case {
@@ -38,8 +41,10 @@ impl Case {
                 ),
             ));
         }
-        let step = (count / points.clamp(16, count)).max(1);
-        Ok(Self { points: (0..count as u32).step_by(step).collect(), object, labels })
+        // Runs of neighbours, as predictors may share work among them.
+        let (points, all) = (points.clamp(16, count), 0..count as u32);
+        let chosen = all.filter(|&p| (p as usize / RUN * RUN) % (count / points * RUN).max(1) == 0);
+        Ok(Self { points: chosen.collect(), object, labels })
     }
 
     /// A block of five mixed materials with a notch and air around it, over several tiles, at the J750's pitch with
