@@ -5,7 +5,9 @@ mod common;
 use std::sync::Arc;
 
 use common::{network, provenance};
-use pellucid_predict::{Changed, Draw, Network, Object, Pass, PredictError, Predictor, Sharing, predict_all};
+use pellucid_predict::{
+    Changed, Draw, InstructionSet, Network, Object, Pass, PredictError, Predictor, Sharing, predict_all,
+};
 use pellucid_rpnn::Provenance;
 use pellucid_rpnn::transform::LevelOrder;
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
@@ -129,6 +131,23 @@ fn blocks_of_one_voxel_share_with_nobody_and_larger_ones_hardly_matter() {
     assert!(network(paper.clone()).with_sharing(Some(Sharing::default())).is_err());
     assert_eq!(network(paper.clone()).sharing(), None);
     predict(&network(paper), &grid, &object, &points);
+}
+
+#[test]
+fn a_forced_instruction_set_is_recorded_and_moves_values_by_rounding_only() {
+    let (grid, object) = block();
+    let points: Vec<u32> = object.points().into_iter().step_by(301).collect();
+    let on = |set| network(provenance()).with_instruction_set(set).unwrap();
+    let portable = predict(&on(InstructionSet::Portable), &grid, &object, &points);
+    for set in InstructionSet::available() {
+        let recorded = on(set).identity().instruction_set;
+        assert!(recorded <= set, "{recorded} for {set}");
+        let values = predict(&on(set), &grid, &object, &points);
+        assert_eq!(values, predict(&on(recorded), &grid, &object, &points), "{recorded} for {set}");
+        for (a, b) in values.iter().zip(&portable) {
+            assert!((a - b).abs() < 1e-4 * (1.0 + b.abs()), "{set}: {a} {b}");
+        }
+    }
 }
 
 #[test]

@@ -216,7 +216,9 @@ fn a_faultless_mock_passes_in_any_number_of_channels() {
 
 #[test]
 fn so_does_one_that_another_corrects() {
-    let corrected = Corrected::new(Mock(Fault::None), Mock(Fault::None), Correction::default()).unwrap();
+    // The seed moves the one and not the other, so that there is something to correct.
+    let fast = Mock(Fault::IgnoresTheSeed);
+    let corrected = Corrected::new(fast, Mock(Fault::None), Correction::default()).unwrap();
     conformance::check(&corrected, &case()).unwrap();
 }
 
@@ -262,5 +264,5 @@ fn a_case_needs_something_to_change() {
     .unwrap();
     let object = Object::new(planted.object.surface().clone(), one, 1.5).unwrap();
     assert!(Case::new(Arc::new(object), planted.labels.clone(), 100).is_err());
-    assert!(planted.points.len() >= 150);
+    assert!((100..250).contains(&planted.points.len()));
 }

@@ -9,6 +9,9 @@ use pellucid_voxel::{
 
 use crate::{Object, PredictError};
 
+/// Neighbours among a case's points.
+const RUN: usize = 8;
+
 /// An object, its labels, and the points that most checks predict.
 #[derive(Clone, Debug)]
 pub struct Case {
@@ -38,8 +41,10 @@ impl Case {
                 ),
             ));
         }
-        let step = (count / points.clamp(16, count)).max(1);
-        Ok(Self { points: (0..count as u32).step_by(step).collect(), object, labels })
+        // Runs of neighbours, as predictors may share work among them.
+        let (points, all) = (points.clamp(16, count), 0..count as u32);
+        let chosen = all.filter(|&p| (p as usize / RUN * RUN) % (count / points * RUN).max(1) == 0);
+        Ok(Self { points: chosen.collect(), object, labels })
     }
 
     /// A block of five mixed materials with a notch and air around it, over several tiles, at the J750's pitch with
@@ -48,15 +53,15 @@ impl Case {
     /// # Errors
     /// [`PredictError::Unsupported`] past [`MaterialTable::MAX_CHANNELS`].
     pub fn planted(channels: usize) -> Result<Self, PredictError> {
-        let frame = Frame::new([0.0; 3], Pitch::j750(), [22, 19, 36])?;
+        let frame = Frame::new([0.0; 3], Pitch::j750(), [21, 22, 38])?;
         let labels = labelled(frame, |[x, y, z]| {
-            let inside = (2..20).contains(&x) && (3..17).contains(&y) && (2..34).contains(&z);
-            let notch = x > 14 && y > 11;
+            let inside = (9..19).contains(&x) && (12..20).contains(&y) && (10..36).contains(&z);
+            let notch = x > 15 && y > 16;
             if inside && !notch { 1 + ((x * 7 + y * 5 + z / 2 * 3) % 11 % 5) as u8 } else { AIR }
         });
         let surface = Surface::extract(&labels, &SurfaceOptions::default(), &Control::none())?;
         let object = Object::new(surface, materials(channels)?, 1.5)?;
-        Self::new(Arc::new(object), labels, 200)
+        Self::new(Arc::new(object), labels, 120)
     }
 
     /// Labels of the same shape that differ in every third tile, from tile `first` on: every solid voxel's material is

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pellucid_core::Control;
+use pellucid_core::{Control, InstructionSet};
 use pellucid_rpnn::Inference;
 use pellucid_rpnn::variant::{CELLS_XYZ, INPUTS, LEVEL_INPUTS};
 use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
@@ -24,6 +24,7 @@ pub(super) struct BoundNetwork {
     sharing: Option<Sharing>,
     coefficients: Coefficients,
     trained: TrainedRange,
+    instruction_set: InstructionSet,
     labels: KeptLabels,
     table: Option<CountSat>,
     /// Clones share its weights.
@@ -44,6 +45,7 @@ impl BoundNetwork {
             coefficients: Network::coefficients(&object)?,
             sharing: network.sharing,
             trained: TrainedRange::new(&network.trained.provenance),
+            instruction_set: network.instruction_set,
             labels: KeptLabels::default(),
             table: None,
             inference: network.inference()?,
@@ -94,12 +96,13 @@ impl BoundPredictor for BoundNetwork {
         };
         self.object.check_points(points, out.len())?;
         control.check()?;
+        let stencils = |spec| Stencils::new(spec, labels, table)?.with_instruction_set(self.instruction_set);
         let volume = Volume {
-            whole: Stencils::new(StencilSpec::paper(), labels, table)?,
+            whole: stencils(StencilSpec::paper())?,
             fine: match self.sharing {
                 Some(sharing) => {
                     let spec = StencilSpec::new(CELLS_XYZ, sharing.fine_levels)?;
-                    Some((sharing, Stencils::new(spec, labels, table)?))
+                    Some((sharing, stencils(spec)?))
                 }
                 None => None,
             },

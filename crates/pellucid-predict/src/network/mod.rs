@@ -67,7 +67,8 @@ impl Network {
         self.with_sharing(sharing.filter(|_| possible))
     }
 
-    /// The same on other instructions than [`InstructionSet::chosen`]; values differ by rounding.
+    /// The same on other instructions than [`InstructionSet::chosen`]; values differ by rounding. The identity records
+    /// the least set that gives the same values.
     ///
     /// # Errors
     /// [`PredictError::Unsupported`] where the processor lacks them.
@@ -118,14 +119,22 @@ impl Predictor for Network {
             || "none".to_owned(),
             |s| format!("{} levels of a point's own, the others of a block of {}", s.fine_levels, s.block),
         );
-        Identity::new("rpnn", self.instruction_set, false)
+        // The least set with these values, so that equal values are recorded alike.
+        let set = self.inference().map_or(self.instruction_set, |i| i.instruction_set());
+        Identity::new("rpnn", set, false)
             .with("precision", format!("{:?}", self.precision).to_lowercase())
             .with("sharing", sharing)
             .with_weights(weights)
     }
 
     fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
-        self.trained.provenance.check(object.frame().pitch().mm(), object.refractive_index())?;
+        let fits = self.trained.provenance.check(object.frame().pitch().mm(), object.refractive_index());
+        fits.map_err(|error| match error.into() {
+            PredictError::Unsupported(fault) => {
+                PredictError::Unsupported(fault.remedy("use the path tracer"))
+            }
+            other => other,
+        })?;
         Self::coefficients(object)?;
         Ok(Capabilities::new(false))
     }
@@ -150,7 +159,8 @@ impl From<StencilError> for PredictError {
 impl From<RpnnError> for PredictError {
     fn from(error: RpnnError) -> Self {
         match error {
-            RpnnError::Unsupported(fault) => Self::Unsupported(fault.remedy("use the path tracer")),
+            RpnnError::Invalid(fault) => Self::Invalid(fault),
+            RpnnError::Unsupported(fault) => Self::Unsupported(fault),
             RpnnError::Cancelled => Self::Cancelled,
             other => Self::failed("rpnn", other),
         }
