@@ -4,7 +4,9 @@
 //! | --- | --- |
 //! | [`control`] | progress and cancellation of long work: [`Control`], [`Cancelled`] |
 //! | [`fault`] | what is wrong with which input, and what would be right: [`Fault`], [`FileError`], [`chain`] |
+//! | [`digest`] | telling data apart: [`Digest`] |
 //! | [`files`] | reading no more than a bound, writing whole or not at all |
+//! | `json` | errors of JSON files in plain words (feature `json`) |
 //! | [`random`] | numbers addressed by seed, domain, item and sample |
 //! | [`instruction_set`] | which vector instructions are used, and how to force fewer |
 //! | [`staging`] | output folders that appear complete or not at all |
@@ -12,14 +14,18 @@
 #![forbid(unsafe_code)]
 
 pub mod control;
+pub mod digest;
 pub mod fault;
 pub mod files;
 pub mod instruction_set;
+#[cfg(feature = "json")]
+pub mod json;
 pub mod random;
 pub mod staging;
 pub mod stats;
 
 pub use control::{Cancelled, Control, Progress};
+pub use digest::Digest;
 pub use fault::{Fault, FileError, chain};
 pub use instruction_set::InstructionSet;
 pub use random::{Domain, stream};

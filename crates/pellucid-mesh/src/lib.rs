@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod bvh;
+mod digest;
 pub mod error;
 mod geometry;
 pub mod import;

@@ -199,6 +199,19 @@ impl Texture {
         self.image.size()
     }
 
+    /// Adds sampler and texels to a digest.
+    pub(crate) fn add_to(&self, digest: &mut pellucid_core::Digest) {
+        let s = self.sampler;
+        digest.add(&[s.wrap_u as u8, s.wrap_v as u8, s.magnify as u8, s.minify as u8, s.mip as u8]);
+        self.size().iter().for_each(|side| digest.add(&side.to_le_bytes()));
+        match &self.image.levels[0].texels {
+            Texels::Srgb8(texels) => texels.iter().for_each(|texel| digest.add(texel)),
+            Texels::Linear16(texels) => {
+                texels.iter().flatten().for_each(|v| digest.add(&v.to_le_bytes()));
+            }
+        }
+    }
+
     /// Wrap and filter modes.
     pub fn sampler(&self) -> Sampler {
         self.sampler

@@ -6,6 +6,7 @@ use crate::{MeshError, Model};
 
 /// How large a model is printed.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Scale {
     /// The model's own metres.
     Native,
