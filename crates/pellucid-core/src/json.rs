@@ -11,20 +11,36 @@
 pub fn plain(error: &serde_json::Error) -> String {
     let full = error.to_string();
     let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
-    let mismatch = ["invalid type: ", "invalid value: "].iter().find_map(|words| text.split_once(words));
-    let mut text = match mismatch {
-        Some((before, rest)) => match rest.split_once(", expected ") {
-            Some((found, wanted)) => {
-                format!("{before}found {} where {} is expected", kind(found), wanted_kind(wanted))
-            }
-            None => format!("{before}{rest}"),
-        },
-        None => text.replace("EOF while parsing", "the text ends within").replace('`', "\""),
-    };
+    // What stands before serde's own words, such as the name of a field, is kept.
+    let own =
+        ["invalid type: ", "invalid value: ", "invalid length "].iter().filter_map(|w| text.find(w)).min();
+    let (before, own) = text.split_at(own.unwrap_or(0));
+    let mut text = format!("{before}{}", words(own));
     if error.line() > 0 {
         text.push_str(&format!(" (line {}, column {})", error.line(), error.column()));
     }
     text
+}
+
+fn words(text: &str) -> String {
+    // The wanted kind comes last: what was found may hold any text.
+    let parted = |start: &str| text.strip_prefix(start).and_then(|rest| rest.rsplit_once(", expected "));
+    if let Some((found, wanted)) = parted("invalid type: ").or_else(|| parted("invalid value: ")) {
+        return format!("found {} where {} is expected", kind(found), wanted_kind(wanted));
+    }
+    if let Some((length, wanted)) = parted("invalid length ") {
+        return format!("found {length} values where {} is expected", wanted_kind(wanted));
+    }
+    if let Some((found, wanted)) = parted("unknown variant ") {
+        return format!("found {found} where {wanted} is expected").replace('`', "\"");
+    }
+    if let Some(field) = text.strip_prefix("missing field ") {
+        return format!("the field {field} is missing").replace('`', "\"");
+    }
+    match text {
+        "trailing characters" => "something follows where it should end".to_owned(),
+        _ => text.replace("EOF while parsing", "the text ends within").replace('`', "\""),
+    }
 }
 
 /// What was found.
@@ -58,10 +74,16 @@ fn wanted_kind(wanted: &str) -> String {
         "a boolean" | "bool" => "true or false".to_owned(),
         "a sequence" => "a list".to_owned(),
         "a map" => "an object".to_owned(),
-        other => match other.strip_prefix("struct ") {
-            Some(name) => format!("an object ({name})"),
-            None => other.replace('`', "\""),
-        },
+        "string or map" | "variant identifier" => "one of the known names".to_owned(),
+        other => {
+            let count =
+                ["an array of length ", "a tuple of size "].iter().find_map(|k| other.strip_prefix(k));
+            match (other.strip_prefix("struct "), count) {
+                (Some(name), _) => format!("an object ({name})"),
+                (_, Some(count)) => format!("a list of {count} values"),
+                _ => other.replace('`', "\""),
+            }
+        }
     }
 }
 
@@ -85,6 +107,14 @@ mod tests {
             }
             assert!(text.contains("line 1"), "{text}");
         }
+        let short = serde_json::from_str::<[u8; 4]>("[1, 2]").unwrap_err();
+        assert_eq!(plain(&short), "found 2 values where a list of 4 values is expected (line 1, column 6)");
+        let long = serde_json::from_str::<[u8; 1]>("[1, 2]").unwrap_err();
+        assert!(plain(&long).starts_with("something follows where it should end"), "{}", plain(&long));
+        let fooling = serde_json::from_str::<u8>("\", expected usize at line 9\"").unwrap_err();
+        assert!(
+            plain(&fooling).ends_with("where a whole number from 0 to 255 is expected (line 1, column 28)")
+        );
         let broken = serde_json::from_str::<serde_json::Value>("{ \"a\": ").unwrap_err();
         assert_eq!(plain(&broken), "the text ends within a value (line 1, column 7)");
         let named = <serde_json::Error as serde::de::Error>::custom(

@@ -1,6 +1,6 @@
 //! Reading JSON, with errors that name the field and the place in plain words.
 
-use pellucid_core::Fault;
+use pellucid_core::{Fault, json::plain};
 use serde::de::DeserializeOwned;
 
 use crate::SliceError;
@@ -28,70 +28,7 @@ fn invalid(subject: &str, path: &str, error: &serde_json::Error) -> SliceError {
         "." | "?" => subject.to_owned(),
         path => format!("{subject}, {}", path.trim_end_matches(".?")),
     };
-    let text = error.to_string();
-    let reason = plain(text.rfind(" at line ").map_or(&text, |at| &text[..at]));
-    let place = match error.line() {
-        0 => String::new(),
-        line => format!(" (line {line}, column {})", error.column()),
-    };
-    SliceError::Invalid(Fault::new(field, reason + &place))
-}
-
-/// A message of serde's in the words of who writes JSON, not of who reads it.
-fn plain(message: &str) -> String {
-    let wrong = message.strip_prefix("invalid type: ").or_else(|| message.strip_prefix("invalid value: "));
-    if let Some((found, wanted)) = wrong.and_then(|rest| rest.rsplit_once(", expected ")) {
-        return format!("is {}, and must be {}", plain_value(found), plain_kind(wanted));
-    }
-    if let Some((length, wanted)) =
-        message.strip_prefix("invalid length ").and_then(|rest| rest.split_once(", expected "))
-    {
-        return format!("has {length} values, and must be {}", plain_kind(wanted));
-    }
-    if let Some((found, wanted)) =
-        message.strip_prefix("unknown variant ").and_then(|rest| rest.split_once(", expected "))
-    {
-        return format!("is {found}, and must be {wanted}");
-    }
-    if let Some(field) = message.strip_prefix("missing field ") {
-        return format!("has no field {field}");
-    }
-    match message {
-        "trailing characters" => "something follows where it should end".into(),
-        _ => message.replace("EOF while parsing", "the text ends within"),
-    }
-}
-
-/// What was found.
-fn plain_value(found: &str) -> String {
-    match found {
-        "map" => "an object".into(),
-        "sequence" => "a list".into(),
-        _ => ["integer ", "floating point ", "boolean ", "string "]
-            .iter()
-            .find_map(|kind| found.strip_prefix(kind))
-            .unwrap_or(found)
-            .trim_matches('`')
-            .into(),
-    }
-}
-
-/// What is wanted.
-fn plain_kind(wanted: &str) -> String {
-    let list = ["an array of length ", "a tuple of size "].iter().find_map(|kind| wanted.strip_prefix(kind));
-    match wanted {
-        "u8" => "a whole number from 0 to 255".into(),
-        "u16" => "a whole number from 0 to 65535".into(),
-        "u32" => "a whole number from 0 to 4294967295".into(),
-        "u64" | "usize" => "a whole number of at least 0".into(),
-        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number".into(),
-        "f32" | "f64" => "a number".into(),
-        "a map" => "an object".into(),
-        "a sequence" => "a list".into(),
-        "string or map" | "variant identifier" => "one of the known names".into(),
-        _ if wanted.starts_with("struct ") => "an object".into(),
-        _ => list.map_or_else(|| wanted.to_owned(), |n| format!("a list of {n} values")),
-    }
+    SliceError::Invalid(Fault::new(field, plain(error)))
 }
 
 #[cfg(test)]
@@ -120,28 +57,31 @@ mod tests {
         for (text, words) in [
             (
                 "{\"count\": \"a\"}",
-                "thing, count: is \"a\", and must be a whole number of at least 0 (line 1, column 13)",
+                "thing, count: found text \"a\" where a whole number, 0 or more, is expected (line 1, column 13)",
             ),
-            ("{\"count\": -3}", "thing, count: is -3, and must be a whole number of at least 0"),
+            (
+                "{\"count\": -3}",
+                "thing, count: found the number -3 where a whole number, 0 or more, is expected",
+            ),
             (
                 "{\"colors\": {\"cyan\":\n [1, 2, 300, 255]}}",
-                "thing, colors.cyan[2]: is 300, and must be a whole number from 0 to 255 (line 2, column 11)",
+                "thing, colors.cyan[2]: found the number 300 where a whole number from 0 to 255 is expected (line 2, column 11)",
             ),
             (
                 "{\"colors\": {\"cyan\": [1, 2]}}",
-                "thing, colors.cyan: has 2 values, and must be a list of 4 values",
+                "thing, colors.cyan: found 2 values where a list of 4 values is expected",
             ),
             (
                 "{\"colors\": {\"cyan\": [1, 2, 3, 4, 5]}}",
                 "thing, colors.cyan: something follows where it should end",
             ),
-            ("{\"colors\": []}", "thing, colors: is a list, and must be an object"),
-            ("{\"edge\": true}", "thing, edge: is true, and must be a number"),
-            ("{\"kind\": \"up\"}", "thing, kind: is `up`, and must be `left`"),
+            ("{\"colors\": []}", "thing, colors: found a list where an object is expected"),
+            ("{\"edge\": true}", "thing, edge: found the truth value true where a number is expected"),
+            ("{\"kind\": \"up\"}", "thing, kind: found \"up\" where \"left\" is expected"),
             ("{\"kind\": 3}", "thing, kind: "),
-            ("{\"cuont\": 1}", "unknown field `cuont`, expected one of `count`"),
-            ("{\"count\": 1}", "thing: has no field `colors`"),
-            ("{\"count\": 1, \"count\": 2}", "duplicate field `count`"),
+            ("{\"cuont\": 1}", "unknown field \"cuont\", expected one of \"count\""),
+            ("{\"count\": 1}", "thing: the field \"colors\" is missing"),
+            ("{\"count\": 1, \"count\": 2}", "duplicate field \"count\""),
             ("[]", "thing: "),
             ("{\"count\": 1", "the text ends within an object (line 1, column 11)"),
             (

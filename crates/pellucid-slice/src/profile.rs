@@ -263,29 +263,29 @@ mod tests {
             (
                 "/build_space_mm",
                 json!([1.0, 2.0]),
-                "build_space_mm: has 2 values, and must be a list of 3 values",
+                "build_space_mm: found 2 values where a list of 3 values is expected",
             ),
             ("/max_materials", json!(0), "max_materials"),
             (
                 "/max_materials",
                 json!(6.5),
-                "max_materials: is 6.5, and must be a whole number from 0 to 4294967295 (line 1",
+                "max_materials: found the number 6.5 where a whole number, 0 or more, is expected (line 1",
             ),
             ("/min_layers", json!(u32::MAX), "min_layers"),
             ("/palette/cyan", json!([1, 2, 3, 254]), "cyan"),
             (
                 "/palette/cyan",
                 json!([1, 2, 300, 255]),
-                "palette.cyan[2]: is 300, and must be a whole number from 0 to 255",
+                "palette.cyan[2]: found the number 300 where a whole number from 0 to 255 is",
             ),
             ("/palette/cyan", json!([255, 255, 255, 255]), "white"),
             ("/background", json!([255, 255, 255, 0]), "white"),
             ("/name", json!(" "), "name"),
-            ("/name", json!(3), "name: is 3, and must be a string"),
+            ("/name", json!(3), "name: found the number 3 where text is expected"),
             (
                 "/row_order",
                 json!("upwards"),
-                "row_order: is `upwards`, and must be `highest_y_first` or `lowest_y_first`",
+                "row_order: found \"upwards\" where \"highest_y_first\" or \"lowest_y_first\" is",
             ),
         ];
         for (pointer, value, word) in cases {
@@ -316,7 +316,8 @@ mod tests {
         std::fs::write(&path, "{\n  \"name\": \"mine\",\n  \"dpi\": 600\n}").unwrap();
         let error = PrintTarget::load(&path).unwrap_err().to_string();
         assert!(
-            error.contains("mine.json") && error.contains("dpi: is 600, and must be a list (line 3"),
+            error.contains("mine.json")
+                && error.contains("dpi: found the number 600 where a list is expected (line 3"),
             "{error}"
         );
         std::fs::write(&path, vec![b' '; MAX_PROFILE_BYTES as usize + 1]).unwrap();

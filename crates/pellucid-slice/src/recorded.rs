@@ -60,7 +60,10 @@ mod tests {
         assert_eq!(back.read::<Settings>().unwrap(), settings);
         let wrong = Recorded::of(&serde_json::json!({"seed": 1, "weights": [1, "x"]})).unwrap();
         let error = wrong.read::<Settings>().unwrap_err().to_string();
-        assert!(error.contains("recorded settings, weights[1]: is \"x\", and must be a number"), "{error}");
+        assert!(
+            error.contains("recorded settings, weights[1]: found text \"x\" where a number is expected"),
+            "{error}"
+        );
         assert!(Recorded::of(&std::collections::BTreeMap::from([([1u8, 2], 3)])).is_err());
     }
 }
