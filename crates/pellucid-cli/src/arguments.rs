@@ -44,14 +44,7 @@ pub fn count(text: &str) -> Result<u32, String> {
 
 /// A printer by its name, or its profile's file.
 pub fn printer(name_or_file: &str) -> Result<PrintTarget, Failure> {
-    match PrintTarget::by_name(name_or_file) {
-        Some(printer) => Ok(printer),
-        None if Path::new(name_or_file).exists() => Ok(PrintTarget::load(Path::new(name_or_file))?),
-        None => Err(Failure::message(format!(
-            "--printer {name_or_file}: neither a file nor a printer that is known ({})",
-            PrintTarget::NAMES.join(", ")
-        ))),
-    }
+    Ok(PrintTarget::by_name_or_file(name_or_file)?)
 }
 
 /// Materials of a file.
