@@ -99,7 +99,7 @@ fn study(args: &Args) -> Result<(), Error> {
         true => vec![Candidate::shipped(precision)?],
         false => args.weights.iter().map(|w| Candidate::read(w, precision)).collect::<Result<_, _>>()?,
     };
-    let mut record = Record::now(report::command(args.study.full), 1);
+    let mut record = Record::now("network_error", 1);
     record.add("matrix products", report::precision(precision));
     let study = Study::new("network_error", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
     let mut rows: Vec<Row> = Vec::new();

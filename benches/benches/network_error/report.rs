@@ -9,14 +9,6 @@ use pellucid_benches::study::{Axis, Panel, Plot, Series, Table};
 use super::scores::Row;
 use super::{Candidate, shared};
 
-/// What starts the study.
-pub fn command(full: bool) -> &'static str {
-    match full {
-        true => "cargo bench -p pellucid-benches --bench network_error -- --full",
-        false => "cargo bench -p pellucid-benches --bench network_error",
-    }
-}
-
 /// A number format in words.
 pub fn precision(precision: Precision) -> &'static str {
     match precision {

@@ -158,7 +158,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn study(args: &Args) -> Result<(), Box<dyn Error>> {
     let control = Control::none();
     let effort = Effort::of(args);
-    let mut record = Record::now(report::command(args.study.full), 1);
+    let mut record = Record::now("tracer_error", 1);
     record.add("reference", format!("{} paths a point and channel", effort.reference_spp));
     let study = Study::new("tracer_error", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
 

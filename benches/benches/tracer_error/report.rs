@@ -13,14 +13,6 @@ const LEVELS: [f64; 4] = [0.05, 0.03, 0.02, 0.01];
 /// Scatterings of a path in the white cube.
 const SCATTERINGS: f64 = 331.0;
 
-/// What starts the study.
-pub(super) fn command(full: bool) -> &'static str {
-    match full {
-        true => "cargo bench -p pellucid-benches --bench tracer_error -- --full",
-        false => "cargo bench -p pellucid-benches --bench tracer_error",
-    }
-}
-
 /// The time at which an estimator's curve passes `rmse`, interpolated in logarithms.
 fn time_for(rows: &[Row], scene: &str, estimator: &str, rmse: f64) -> Option<f64> {
     let curve: Vec<&Row> = rows.iter().filter(|r| r.scene == scene && r.estimator == estimator).collect();

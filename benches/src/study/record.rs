@@ -11,10 +11,10 @@ pub struct Record {
 }
 
 impl Record {
-    /// Commit, machine and instruction set as they are now, for work on `threads` threads that `command` starts.
-    pub fn now(command: &str, threads: usize) -> Self {
+    /// Command, commit, machine and instruction set as they are now, for the study `name` on `threads` threads.
+    pub fn now(name: &str, threads: usize) -> Self {
         let mut record = Self::default();
-        record.add("command", command);
+        record.add("command", command(name, std::env::args().skip(1)));
         record.add("version", format!("{}, commit {}", env!("CARGO_PKG_VERSION"), commit()));
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         record.add("machine", format!("{}, {cores} cores, {}", processor(), std::env::consts::OS));
@@ -37,6 +37,16 @@ impl Record {
     pub fn comments(&self) -> String {
         self.fields.iter().map(|(name, value)| format!("# {name}: {}\n", value.replace('\n', " "))).collect()
     }
+}
+
+/// What starts a study with these arguments; of paths only the last part, which alone means something elsewhere.
+fn command(name: &str, arguments: impl Iterator<Item = String>) -> String {
+    let mut text = format!("cargo bench -p pellucid-benches --bench {name}");
+    for (i, argument) in arguments.filter(|a| a != "--bench").enumerate() {
+        text += if i == 0 { " -- " } else { " " };
+        text += argument.trim_end_matches('/').rsplit('/').next().unwrap_or_default();
+    }
+    text
 }
 
 /// Hash and date of the commit that was built, and whether files differ from it.
@@ -68,8 +78,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn commands_name_no_folders_of_this_machine() {
+        let given = ["--full", "--sets", "/home/a/sets/", "b/w.safetensors", "--bench"].map(String::from);
+        let command = command("x", given.into_iter());
+        assert_eq!(command, "cargo bench -p pellucid-benches --bench x -- --full --sets sets w.safetensors");
+        let small = super::command("x", std::iter::once("--bench".to_owned()));
+        assert_eq!(small, "cargo bench -p pellucid-benches --bench x");
+    }
+
+    #[test]
     fn a_record_names_what_was_measured_with() {
-        let mut record = Record::now("cargo bench --bench a", 1);
+        let mut record = Record::now("a", 1);
         record.add("paths", "7");
         let (markdown, comments) = (record.markdown(), record.comments());
         for name in ["command", "version", "machine", "instruction set", "threads", "paths"] {

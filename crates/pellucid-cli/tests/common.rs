@@ -45,7 +45,7 @@ pub fn cube(folder: &Path) -> PathBuf {
 {"bufferView":1,"componentType":5126,"count":8,"type":"VEC3"},
 {"bufferView":2,"componentType":5123,"count":36,"type":"SCALAR"}]}"#
         .to_owned();
-    while json.len() % 4 != 0 {
+    while !json.len().is_multiple_of(4) {
         json.push(' ');
     }
     let mut glb = b"glTF\x02\0\0\0".to_vec();

@@ -155,7 +155,7 @@ fn notes_of_import_are_shown() {
         .trim_end()
         .replace("\"indices\":2}", "\"indices\":2,\"material\":0}")
         .replace("\"buffers\"", "\"materials\":[{\"name\":\"leaf\",\"alphaMode\":\"MASK\"}],\"buffers\"");
-    while json.len() % 4 != 0 {
+    while !json.len().is_multiple_of(4) {
         json.push(' ');
     }
     let rest = bytes.split_off(20 + json_length);

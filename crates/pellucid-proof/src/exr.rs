@@ -9,6 +9,8 @@ use pellucid_core::{Control, files};
 
 use crate::{Picture, ProofError};
 
+type Layers = SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]>;
+
 /// Steps of progress.
 const STEPS: u64 = 1000;
 
@@ -51,8 +53,8 @@ fn check_names(pictures: &[(String, &Picture)]) -> std::result::Result<(), Proof
 fn image(
     pictures: &[(String, &Picture)],
     control: &Control<'_>,
-) -> std::result::Result<Image<SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]>>, ProofError> {
-    let mut layers = SmallVec::<[Layer<AnyChannels<FlatSamples>>; 2]>::new();
+) -> std::result::Result<Image<Layers>, ProofError> {
+    let mut layers = Layers::new();
     for (name, picture) in pictures {
         control.check()?;
         let plane = |c: usize| FlatSamples::F32(picture.rgba().iter().skip(c).step_by(4).copied().collect());
