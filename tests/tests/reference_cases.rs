@@ -31,7 +31,17 @@ fn analytic_geometry_agrees() {
 
 #[test]
 fn voxels_of_a_printer_agree() {
-    for (i, case) in cases().iter().enumerate() {
+    // Two cubes, a thin slab, and a point beside an edge inside: half-spaces take 30 M voxels each.
+    const VOXELISED: [&str; 4] = [
+        "b_cube10_WB_centre_dielectric_n1.5",
+        "b_cube10_CG_centre_matched",
+        "c_slab1_WB_dielectric_n1.5",
+        "e1_checker_G_x4.9_y4.5_matched",
+    ];
+    let all = cases();
+    let chosen: Vec<&Case> = all.iter().filter(|case| VOXELISED.contains(&case.id.as_str())).collect();
+    assert_eq!(chosen.len(), VOXELISED.len());
+    for (i, case) in chosen.into_iter().enumerate() {
         let object = case.voxelise(Pitch::j750(), &Control::none()).unwrap();
         let estimate = case.voxelised(&object, Some(PATHS), (i as u64) << 32 | 1, &Control::none()).unwrap();
         // Voxels put the checkerboard's edges up to half a voxel elsewhere, and round a slab's thickness.

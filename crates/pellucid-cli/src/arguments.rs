@@ -7,14 +7,14 @@ use pellucid::voxel::MaterialTable;
 
 use crate::Failure;
 
-/// Heights in mm that anybody prints.
-const HEIGHT_MM: std::ops::RangeInclusive<f64> = 0.05..=10_000.0;
+/// Heights and widths in mm that anybody prints.
+const SIZE_MM: std::ops::RangeInclusive<f64> = 0.05..=10_000.0;
 
-/// A height in mm.
-pub fn height_mm(text: &str) -> Result<f64, String> {
-    let allowed = format!("a height is {} to {} mm", HEIGHT_MM.start(), HEIGHT_MM.end());
+/// A height or width in mm.
+pub fn size_mm(text: &str) -> Result<f64, String> {
+    let allowed = format!("it is {} to {} mm", SIZE_MM.start(), SIZE_MM.end());
     let value: f64 = text.parse().map_err(|_| format!("not a number; {allowed}"))?;
-    if HEIGHT_MM.contains(&value) { Ok(value) } else { Err(allowed) }
+    if SIZE_MM.contains(&value) { Ok(value) } else { Err(allowed) }
 }
 
 /// A refractive index.

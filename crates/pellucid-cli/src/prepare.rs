@@ -30,8 +30,12 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
     /// Height of the print in mm; the model's own size (metres) without it
-    #[arg(long, value_name = "MM", value_parser = arguments::height_mm, allow_hyphen_values = true)]
+    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true)]
     height_mm: Option<f64>,
+    /// Width of the print in mm, along x, instead of its height
+    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true,
+          conflicts_with = "height_mm")]
+    width_mm: Option<f64>,
     /// Printer: j750, or the file of a profile
     #[arg(long, value_name = "NAME|FILE")]
     printer: Option<String>,
@@ -123,6 +127,9 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
     };
     if let Some(mm) = args.height_mm {
         settings.scale = Scale::HeightMm(mm);
+    }
+    if let Some(mm) = args.width_mm {
+        settings.scale = Scale::WidthMm(mm);
     }
     if let Some(printer) = &args.printer {
         settings.printer = arguments::printer(printer)?;

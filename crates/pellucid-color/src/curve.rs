@@ -174,7 +174,7 @@ impl ReflectanceCurve {
     /// L of a half-space of single-scattering albedo 0 to 1.
     ///
     /// ```
-    /// use pellucid_color::curve::ReflectanceCurve;
+    /// use pellucid_color::ReflectanceCurve;
     /// let curve = ReflectanceCurve::half_space(1.5, 0.4, 0.4)?;
     /// assert!((curve.radiance(0.999, 0.4) - 0.793_947_5).abs() < 1e-6);
     /// # Ok::<(), pellucid_color::ColorError>(())

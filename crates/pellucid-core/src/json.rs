@@ -1,6 +1,7 @@
 //! Errors of JSON files in words for people who do not write Rust.
 
-/// What a JSON error says, without the names of Rust's types, with line and column.
+/// What a JSON error says, without the names of Rust's types, with line and column. What stands before serde's own
+/// words, such as the name of a field, is kept.
 ///
 /// ```
 /// use pellucid_core::json::plain;
@@ -10,15 +11,15 @@
 pub fn plain(error: &serde_json::Error) -> String {
     let full = error.to_string();
     let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
-    let mut text = match text.strip_prefix("invalid type: ").or_else(|| text.strip_prefix("invalid value: "))
-    {
-        Some(rest) => match rest.split_once(", expected ") {
+    let mismatch = ["invalid type: ", "invalid value: "].iter().find_map(|words| text.split_once(words));
+    let mut text = match mismatch {
+        Some((before, rest)) => match rest.split_once(", expected ") {
             Some((found, wanted)) => {
-                format!("found {} where {} is expected", kind(found), wanted_kind(wanted))
+                format!("{before}found {} where {} is expected", kind(found), wanted_kind(wanted))
             }
-            None => rest.to_owned(),
+            None => format!("{before}{rest}"),
         },
-        None => text.replace('`', "\""),
+        None => text.replace("EOF while parsing", "the text ends within").replace('`', "\""),
     };
     if error.line() > 0 {
         text.push_str(&format!(" (line {}, column {})", error.line(), error.column()));
@@ -85,6 +86,13 @@ mod tests {
             assert!(text.contains("line 1"), "{text}");
         }
         let broken = serde_json::from_str::<serde_json::Value>("{ \"a\": ").unwrap_err();
-        assert!(plain(&broken).contains("EOF") || plain(&broken).contains("end"), "{}", plain(&broken));
+        assert_eq!(plain(&broken), "the text ends within a value (line 1, column 7)");
+        let named = <serde_json::Error as serde::de::Error>::custom(
+            "material 2: g: invalid type: null, expected f64 at line 3 column 4",
+        );
+        assert_eq!(
+            plain(&named),
+            "material 2: g: found nothing (null) where a number is expected (line 3, column 4)"
+        );
     }
 }

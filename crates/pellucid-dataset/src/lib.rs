@@ -7,6 +7,7 @@
 //! | [`recipe`] | what a set consists of, and the draw of each volume |
 //! | [`volume`] | the voxels of a volume: solid, material arrangement, halftone |
 //! | [`labels`] | labelled points of volumes, files of them, and judging predictions by them |
+//! | `training` | runs of the network's trainer, and its errors on sets (feature `training`) |
 //! | [`stream`] | an endless stream of training batches |
 //!
 //! A set is made, read and judged by:
@@ -39,6 +40,8 @@ pub mod error;
 pub mod labels;
 pub mod recipe;
 pub mod stream;
+#[cfg(feature = "training")]
+pub mod training;
 pub mod volume;
 
 pub use error::DatasetError;

@@ -59,18 +59,25 @@ impl Problem<'_> {
         Ok(())
     }
 
-    /// A digest of targets, viewing and labels: what the object's own identity leaves out.
+    /// A digest of targets, viewing and inks: what the object's own identity leaves out.
     pub(crate) fn colors_digest(&self) -> u64 {
         let mut state = mix(self.target.len() as u64 + 1);
         let mut add = |bits: u32| state = mix(state.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ u64::from(bits));
-        let white = self.viewing.media_white();
-        self.target
-            .iter()
-            .chain(self.printable_target)
-            .flatten()
-            .chain(&white)
-            .for_each(|v| add(v.to_bits()));
-        self.ink.labels().iter().for_each(|&l| add(u32::from(l)));
+        self.target.iter().chain(self.printable_target).flatten().for_each(|v| add(v.to_bits()));
+        let mut radiance = vec![0.0; self.viewing.channels()];
+        for channel in 0..radiance.len() {
+            radiance[channel] = 1.0;
+            self.viewing.relative_rgb(&radiance).iter().for_each(|v| add(v.to_bits()));
+            radiance[channel] = 0.0;
+        }
+        let labels = self.ink.labels();
+        let mut fractions = vec![0.0; labels.len()];
+        for (i, &label) in labels.iter().enumerate() {
+            fractions[i] = 1.0;
+            add(u32::from(label));
+            self.ink.color(&fractions).iter().for_each(|v| add(v.to_bits()));
+            fractions[i] = 0.0;
+        }
         state
     }
 }

@@ -24,7 +24,7 @@ pub struct Saved<S> {
     pub settings: RefineSettings,
     /// [`Object::id`](pellucid_predict::Object::id).
     pub object: u64,
-    /// Digest of targets, viewing and labels.
+    /// Digest of targets, viewing and inks.
     pub colors: u64,
     /// The next iteration.
     pub iteration: u32,

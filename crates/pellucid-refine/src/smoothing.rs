@@ -40,12 +40,25 @@ pub struct SurfaceSmoother {
     passes: u32,
     /// Variance in mm² along the surface that a whole pass adds, the mean over faces of a block.
     pass_variance: f64,
-    /// Where each voxel's neighbours begin, one entry more than voxels.
-    starts: Vec<u64>,
-    neighbours: Vec<u32>,
-    /// Position in `weights` of each neighbour's offset.
-    offsets: Vec<u16>,
+    neighbours: Neighbours,
     weights: Vec<f32>,
+}
+
+/// Neighbours of every surface voxel, itself among them.
+#[derive(Default)]
+struct Neighbours {
+    /// Where each voxel's neighbours end.
+    ends: Vec<u64>,
+    points: Vec<u32>,
+    /// Position in the weights of each neighbour's offset.
+    offsets: Vec<u16>,
+}
+
+impl Neighbours {
+    fn range(&self, point: usize) -> std::ops::Range<usize> {
+        let start = point.checked_sub(1).map_or(0, |before| self.ends[before]);
+        start as usize..self.ends[point] as usize
+    }
 }
 
 /// Offsets within reach of a pass, and their weights.
@@ -90,9 +103,9 @@ impl SurfaceSmoother {
         control: &Control<'_>,
     ) -> Result<Self, Cancelled> {
         let pass_variance = kernel.variance(surface.frame().pitch().mm());
-        let (starts, neighbours, offsets) =
-            if passes == 0 { Default::default() } else { kernel.neighbours(surface, control)? };
-        Ok(Self { passes, pass_variance, starts, neighbours, offsets, weights: kernel.weights })
+        let neighbours =
+            if passes == 0 { Neighbours::default() } else { kernel.neighbours(surface, control)? };
+        Ok(Self { passes, pass_variance, neighbours, weights: kernel.weights })
     }
 
     /// Smooths one colour a surface voxel by the Gaussian that this was prepared for. Passes are cut at two deviations,
@@ -129,7 +142,7 @@ impl SurfaceSmoother {
         share: f32,
         control: &Control<'_>,
     ) -> Result<Vec<[f32; 3]>, Cancelled> {
-        if self.starts.is_empty() || passes == 0 {
+        if self.neighbours.ends.is_empty() || passes == 0 {
             return Ok(values);
         }
         let mut next = vec![[0.0; 3]; values.len()];
@@ -155,10 +168,11 @@ impl SurfaceSmoother {
     }
 
     fn average(&self, point: usize, values: &[[f32; 3]]) -> [f32; 3] {
-        let range = self.starts[point] as usize..self.starts[point + 1] as usize;
+        let Neighbours { points, offsets, .. } = &self.neighbours;
+        let range = self.neighbours.range(point);
         let mut sum = [0.0; 3];
         let mut total = 0.0;
-        for (&i, &w) in self.neighbours[range.clone()].iter().zip(&self.offsets[range]) {
+        for (&i, &w) in points[range.clone()].iter().zip(&offsets[range]) {
             let (value, weight) = (values[i as usize], self.weights[usize::from(w)]);
             (0..3).for_each(|c| sum[c] += weight * value[c]);
             total += weight;
@@ -210,43 +224,43 @@ impl Kernel {
         (0..3).map(face).sum::<f64>() / 3.0
     }
 
-    /// Where the neighbours of each surface voxel begin, the neighbours, and the positions of their offsets.
-    fn neighbours(
-        &self,
-        surface: &Surface,
-        control: &Control<'_>,
-    ) -> Result<(Vec<u64>, Vec<u32>, Vec<u16>), Cancelled> {
+    fn neighbours(&self, surface: &Surface, control: &Control<'_>) -> Result<Neighbours, Cancelled> {
         let normals = surface.normals();
-        let lists: Vec<Vec<Vec<(u32, u16)>>> = surface
+        let lists: Vec<Neighbours> = surface
             .voxels()
             .par_chunks(CHUNK)
             .enumerate()
             .map(|(chunk, voxels)| {
                 control.check()?;
-                let list = |(i, voxel): (usize, &[u32; 3])| {
-                    let normal = normals[chunk * CHUNK + i];
+                let mut list = Neighbours::default();
+                for (voxel, normal) in voxels.iter().zip(&normals[chunk * CHUNK..]) {
                     let agrees = |n: [f32; 3]| (0..3).map(|a| n[a] * normal[a]).sum::<f32>() > SAME_SIDE;
-                    let neighbour = |(w, step): (usize, &[i64; 3])| {
+                    for (w, step) in self.steps.iter().enumerate() {
                         let at = std::array::from_fn(|a| i64::from(voxel[a]) + step[a]);
-                        let index = surface.index_of(surface.frame().checked(at)?)?;
-                        agrees(normals[index as usize]).then_some((index, w as u16))
-                    };
-                    self.steps.iter().enumerate().filter_map(neighbour).collect()
-                };
-                Ok(voxels.iter().enumerate().map(list).collect())
+                        let index = surface.frame().checked(at).and_then(|at| surface.index_of(at));
+                        if let Some(index) = index.filter(|&i| agrees(normals[i as usize])) {
+                            list.points.push(index);
+                            list.offsets.push(w as u16);
+                        }
+                    }
+                    list.ends.push(list.points.len() as u64);
+                }
+                Ok(list)
             })
             .collect::<Result<_, Cancelled>>()?;
-        let mut starts = Vec::with_capacity(surface.len() + 1);
-        starts.push(0);
-        let (mut neighbours, mut offsets) = (Vec::new(), Vec::new());
-        for list in lists.into_iter().flatten() {
-            for (index, offset) in list {
-                neighbours.push(index);
-                offsets.push(offset);
-            }
-            starts.push(neighbours.len() as u64);
+        let total = lists.iter().map(|l| l.points.len()).sum();
+        let mut all = Neighbours {
+            ends: Vec::with_capacity(surface.len()),
+            points: Vec::with_capacity(total),
+            offsets: Vec::with_capacity(total),
+        };
+        for list in lists {
+            let before = all.points.len() as u64;
+            all.ends.extend(list.ends.iter().map(|end| before + end));
+            all.points.extend(list.points);
+            all.offsets.extend(list.offsets);
         }
-        Ok((starts, neighbours, offsets))
+        Ok(all)
     }
 }
 

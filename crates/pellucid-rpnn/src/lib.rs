@@ -19,6 +19,7 @@
 #![deny(unsafe_code)]
 
 pub mod adamw;
+mod block;
 pub mod error;
 pub mod file;
 pub mod inference;

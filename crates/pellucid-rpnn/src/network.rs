@@ -17,9 +17,10 @@ use std::ops::Range;
 
 use pellucid_core::InstructionSet;
 
+use crate::block::{Level, backward_block, end_shape, forward_block, through_output};
 use crate::kernel::Add;
 use crate::layers::{End, Layers};
-use crate::variant::{Block, INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
 use crate::{Precision, RpnnError, Variant, Weights};
 
 /// The network with its weights and the memory of one batch: activations for the backward pass and scratch.
@@ -39,31 +40,6 @@ pub struct Network {
     d_state: Vec<f32>,
     d_mid: Vec<f32>,
     d_next: Vec<f32>,
-}
-
-/// Activations of one level, each `[batch][width]` after its ReLU.
-#[derive(Clone, Debug, Default)]
-struct Level {
-    /// The level's values: octants gathered, or the stencil as it is.
-    input: Vec<f32>,
-    hidden: Vec<f32>,
-    entered: Vec<f32>,
-    mixed: Vec<f32>,
-    state: Vec<f32>,
-}
-
-impl Level {
-    /// With `size` values each where a block needs them.
-    fn new(size: usize, entry: bool, mixture: bool) -> Self {
-        let buffer = |needed: bool| vec![0.0; if needed { size } else { 0 }];
-        Self {
-            input: buffer(true),
-            hidden: buffer(entry),
-            entered: buffer(entry),
-            mixed: buffer(mixture),
-            state: buffer(true),
-        }
-    }
 }
 
 impl Network {
@@ -367,102 +343,5 @@ impl Network {
                 row.copy_from_slice(level);
             }
         }
-    }
-}
-
-/// The derivative that passes an output's ReLU: see [`Network::backward`].
-pub(crate) fn through_output(out: f32, d_out: f32) -> f32 {
-    if out > 0.0 { d_out } else { d_out.min(0.0) }
-}
-
-/// Rows and row width of the layers that octants share, for `n` samples.
-fn end_shape(variant: Variant, n: usize) -> (usize, usize) {
-    if variant.shares_octants() { (n * OCTANTS, OCTANT_INPUTS) } else { (n, LEVEL_INPUTS) }
-}
-
-fn forward_block(
-    layers: &mut Layers,
-    block: Block,
-    level: &mut Level,
-    previous: Option<&[f32]>,
-    n: usize,
-    variant: Variant,
-) {
-    let used = n * variant.width();
-    if let Some([first, second]) = block.entry {
-        let (rows, _) = end_shape(variant, n);
-        layers.dense(first, &level.input[..used], &mut level.hidden[..used], rows);
-        layers.dense(second, &level.hidden[..used], &mut level.entered[..used], rows);
-    }
-    let value = if block.entry.is_some() { &level.entered[..used] } else { &level.input[..used] };
-    let Some([b, c]) = block.bc else {
-        level.state[..used].copy_from_slice(value);
-        return;
-    };
-    let mixed = &mut level.mixed[..used];
-    // The first level's previous state is zero: its product is left out.
-    let last = previous.is_none();
-    let mut add = Add::Other(value);
-    if let Some(a) = block.a {
-        let end = End { add: Add::Nothing, bias: last.then_some(b), relu: last };
-        layers.product(a, value, mixed, n, end);
-        add = Add::Output;
-    }
-    if let Some(previous) = previous {
-        layers.product(b, previous, mixed, n, End { add, bias: Some(b), relu: true });
-    }
-    let add = previous.map_or(Add::Nothing, Add::Other);
-    layers.product(c, mixed, &mut level.state[..used], n, End { add, bias: Some(c), relu: true });
-}
-
-/// `scratch` holds the derivative by this level's state before its ReLU on entry and by the finer level's on
-/// return, and two free buffers.
-fn backward_block(
-    layers: &mut Layers,
-    block: Block,
-    level: &Level,
-    previous: Option<&[f32]>,
-    n: usize,
-    variant: Variant,
-    scratch: [&mut [f32]; 3],
-    gradient: &mut [f32],
-) {
-    let used = n * variant.width();
-    let [d_state, d_mid, d_next] = scratch;
-    let has_entry = block.entry.is_some();
-    let value = if has_entry { &level.entered[..used] } else { &level.input[..used] };
-    // Derivative by the block's value v, in `d_next` for a full block and in `d_state` for o = v.
-    let d_value: &mut [f32] = if let Some([b, c]) = block.bc {
-        let mixed = &level.mixed[..used];
-        layers.gradient(gradient, c, d_state, mixed, n);
-        layers.derivative(c, d_state, d_mid, n, Add::Nothing, Some(mixed));
-        if let Some(previous) = previous {
-            layers.gradient(gradient, b, d_mid, previous, n);
-            layers.derivative(b, d_mid, d_state, n, Add::Output, Some(previous));
-        } else {
-            layers.bias_gradient(gradient, b, d_mid);
-        }
-        if let Some(a) = block.a {
-            layers.gradient(gradient, a, d_mid, value, n);
-            if has_entry {
-                layers.derivative(a, d_mid, d_next, n, Add::Nothing, Some(value));
-            }
-        } else {
-            d_next
-                .iter_mut()
-                .zip(&*d_mid)
-                .zip(value)
-                .for_each(|((d, &m), &v)| *d = if v > 0.0 { m } else { 0.0 });
-        }
-        d_next
-    } else {
-        d_state
-    };
-    if let Some([first, second]) = block.entry {
-        let (rows, _) = end_shape(variant, n);
-        let hidden = &level.hidden[..used];
-        layers.gradient(gradient, second, d_value, hidden, rows);
-        layers.derivative(second, d_value, d_mid, rows, Add::Nothing, Some(hidden));
-        layers.gradient(gradient, first, d_mid, &level.input[..used], rows);
     }
 }

@@ -197,22 +197,9 @@ impl serde::Serialize for MaterialTable {
 
 /// Parses a table.
 pub(crate) fn parse(text: &str) -> Result<MaterialTable, VoxelError> {
-    let raw: RawTable = serde_json::from_str(text).map_err(|error| {
-        let whole = error.to_string();
-        let place = format!("line {}, column {}", error.line(), error.column());
-        let reason = whole.rfind(" at line ").map_or(whole.as_str(), |at| &whole[..at]);
-        VoxelError::invalid(place, plain(reason))
-    })?;
+    let raw: RawTable = serde_json::from_str(text)
+        .map_err(|error| VoxelError::invalid("material table", pellucid_core::json::plain(&error)))?;
     raw.checked()
-}
-
-/// The parser's words in those of people who write the file.
-fn plain(reason: &str) -> String {
-    reason
-        .replace("EOF while parsing", "the text ends within")
-        .replace("a sequence", "a list")
-        .replace("a map", "an object")
-        .replace("variant", "kind")
 }
 
 #[cfg(test)]
@@ -270,11 +257,11 @@ mod tests {
             MaterialTable::from_json(&SHIPPED.replacen(from, to, 1)).unwrap_err().to_string()
         };
         for (from, to, parts) in [
-            ("8.55", "\"8.55\"", &["line 4, column", "material 1", "sigma_a", "a number"][..]),
+            ("8.55", "\"8.55\"", &["line 4, column", "material 1: sigma_a: found text", "a number"][..]),
             ("[2.45, 0.3, 9.0]", "2.45", &["line 5", "material 2", "sigma_s", "a list of numbers"]),
             ("\"g\": 0.4", "\"g\": null", &["line 4", "material 1", "g: ", "a number"]),
-            ("\"sigma_s\"", "\"sigma\"", &["line 4", "material 1", "missing field `sigma_s`"]),
-            ("\"cyan\"", "7", &["line 4", "material 1", "name", "a string"]),
+            ("\"sigma_s\"", "\"sigma\"", &["line 4", "material 1", "missing field \"sigma_s\""]),
+            ("\"cyan\"", "7", &["line 4", "material 1", "name", "text is expected"]),
             ("\"channel_names\": [\"R\", \"G\", \"B\"],", "", &["channel_names", "missing"]),
             ("\"channel_names\"", "\"channels\": \"rgb\", \"channel_names\"", &["one of the two"]),
             ("[\"R\", \"G\", \"B\"]", "3", &["line 2", "a list"]),

@@ -111,8 +111,10 @@ impl MaterialTable {
     /// let error = pellucid_voxel::MaterialTable::from_json(
     ///     r#"{"channel_names": ["grey"], "materials": [{"name": "ink", "sigma_s": [4], "sigma_a": ["-"], "g": 0}]}"#,
     /// );
-    /// let text = error.unwrap_err().to_string();
-    /// assert!(text.starts_with("invalid line 1, column 89: material 1: sigma_a: "), "{text}");
+    /// assert_eq!(
+    ///     error.unwrap_err().to_string(),
+    ///     "invalid material table: material 1: sigma_a: found text \"-\" where a number is expected (line 1, column 90)"
+    /// );
     /// ```
     ///
     /// # Errors

@@ -43,7 +43,7 @@
 //! | `slice` | print targets and slice stacks | `slice` |
 //! | `proof` | pictures of the print | `proof` |
 //! | `dataset` | procedural volumes and labelled samples | `dataset` |
-//! | `training` | training runs, and a network's errors on labelled sets | `rpnn` and `dataset` |
+//! | `training` | training runs, and a network's errors on labelled sets | `training` |
 //!
 //! `job`, the default, is what [`PrintJob`] needs, with the path tracer as predictor. `weights` adds the network.
 //! Features only add: no feature changes what another one does, or a default.
@@ -57,6 +57,8 @@ pub use pellucid_voxel as voxel;
 pub use pellucid_color as color;
 #[cfg(feature = "dataset")]
 pub use pellucid_dataset as dataset;
+#[cfg(feature = "training")]
+pub use pellucid_dataset::training;
 #[cfg(feature = "refine")]
 pub use pellucid_halftone as halftone;
 #[cfg(feature = "mesh")]
@@ -92,8 +94,6 @@ pub mod report;
 pub mod settings;
 #[cfg(feature = "job")]
 pub mod stage;
-#[cfg(all(feature = "rpnn", feature = "dataset"))]
-pub mod training;
 #[cfg(feature = "job")]
 mod workspace;
 

@@ -139,7 +139,7 @@ impl Solver {
     /// use pellucid_voxel::MaterialTable;
     /// let table = MaterialTable::cmykw();
     /// let cyan = Solver::new(1.5)?.thick_block(table.get(1).unwrap())?;
-    /// assert!(cyan[0] < 0.1 && cyan[2] > 0.4);
+    /// assert!(cyan[0] < 0.01 && cyan[1] > 0.05 && cyan[2] > 0.3);
     /// # Ok::<(), pellucid_color::ColorError>(())
     /// ```
     ///

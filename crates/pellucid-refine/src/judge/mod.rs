@@ -25,8 +25,8 @@ pub use errors::{ClassErrors, Errors, Evaluation, Sharpness, StateErrors};
 const RADII_MM: [f64; 3] = [0.045, 0.1, 0.2];
 /// Position in [`RADII_MM`] of the one at which classes and sharpness are taken.
 const VIEWED: usize = 1;
-/// Standard deviation in mm over which the energy of the noise is averaged.
-const NOISE_MM: f64 = 0.2;
+/// Standard deviation in mm of the mean that local contrast leaves out, and over which the noise's energy is averaged.
+const LOCAL_MM: f64 = 1.0;
 const POINTS: Domain = Domain::new("judge points");
 
 /// What the judge looks at.
@@ -74,7 +74,7 @@ impl Effort {
     /// # Errors
     /// [`RefineError::Invalid`] naming the first field out of range.
     pub fn check(&self) -> Result<(), RefineError> {
-        let passes = |n: u32| (2..=1 << 14).contains(&n) && n % 2 == 0;
+        let passes = |n: u32| (2..=1 << 14).contains(&n) && n.is_multiple_of(2);
         check_ranges(&[
             ("points", (1..=1 << 30).contains(&self.points), "1 to 2^30"),
             ("point_passes", passes(self.point_passes), "even, 2 to 16384"),
@@ -90,6 +90,8 @@ pub struct Judge<'a> {
     seed: u64,
     points: Vec<u32>,
     smoother: SurfaceSmoother,
+    /// Leads from the last radius but one to the last.
+    last_step: LowPass,
     low_pass: LowPass,
     classes: Vec<ColorClass>,
     /// `[radius]`, the printable target and the target in Lab.
@@ -167,22 +169,46 @@ impl<'a> Judge<'a> {
         check_colors(object, viewing, target, printable_target)?;
         let control = &control.silent();
         let smoother = SurfaceSmoother::exact(object.surface(), RADII_MM[0], control)?;
-        let low_pass = LowPass::new(object.surface(), control)?;
+        let last_step = LowPass::new(object.surface(), step_mm(RADII_MM.len() - 1), control)?;
+        let low_pass = LowPass::new(object.surface(), LOCAL_MM, control)?;
         let classes = lab_of(target).into_iter().map(ColorClass::of).collect();
+        let mut judge = Self {
+            input,
+            effort,
+            seed,
+            points: draw_points(seed, object.surface().len(), effort.points as usize),
+            smoother,
+            last_step,
+            low_pass,
+            classes,
+            targets: Vec::with_capacity(RADII_MM.len()),
+            contrasts: Default::default(),
+        };
         let mut fields = [printable_target.to_vec(), target.to_vec()];
-        let mut from = 0.0;
-        let mut targets = Vec::with_capacity(RADII_MM.len());
-        for to in RADII_MM {
+        for radius in 0..RADII_MM.len() {
             for field in &mut fields {
-                *field = smoother.widen(std::mem::take(field), from, to, control)?;
+                *field = judge.widen(std::mem::take(field), radius, control)?;
             }
-            targets.push([lab_of(&fields[0]), lab_of(&fields[1])]);
-            from = to;
+            judge.targets.push(fields.each_ref().map(|field| lab_of(field)));
         }
-        let contrast = |lab: &[[f32; 3]]| contrast(&low_pass, lab, control);
-        let contrasts = [contrast(&targets[VIEWED][0])?, contrast(&targets[VIEWED][1])?];
-        let points = draw_points(seed, object.surface().len(), effort.points as usize);
-        Ok(Self { input, effort, seed, points, smoother, low_pass, classes, targets, contrasts })
+        let contrast = |lab: &Vec<[f32; 3]>| contrast(&judge.low_pass, lab, control);
+        judge.contrasts = [contrast(&judge.targets[VIEWED][0])?, contrast(&judge.targets[VIEWED][1])?];
+        Ok(judge)
+    }
+
+    /// Smooths further, from the radius before to `radius`.
+    fn widen(
+        &self,
+        field: Vec<[f32; 3]>,
+        radius: usize,
+        control: &Control<'_>,
+    ) -> Result<Vec<[f32; 3]>, RefineError> {
+        Ok(if radius + 1 == RADII_MM.len() {
+            self.last_step.apply(&field, control)?
+        } else {
+            let from = radius.checked_sub(1).map_or(0.0, |before| RADII_MM[before]);
+            self.smoother.widen(field, from, RADII_MM[radius], control)?
+        })
     }
 
     /// The surface voxels drawn for per-voxel errors, ascending.
@@ -194,7 +220,7 @@ impl<'a> Judge<'a> {
     /// one judge are predicted with the same random numbers. Progress counts predicted surface voxels.
     ///
     /// Errors after smoothing have the noise's share taken out: of each squared difference the noise's energy, measured
-    /// by the halves of the passes and averaged over 0.2 mm of surface. Per-voxel errors contain their noise, which is
+    /// by the halves of the passes and averaged over a millimetre of surface. Per-voxel errors contain their noise, which is
     /// stated.
     ///
     /// # Errors
@@ -331,12 +357,10 @@ impl<'a> Judge<'a> {
     ) -> Result<(), RefineError> {
         let mut energy = vec![[0.0f32; 3]; if halves.len() > 1 { self.classes.len() } else { 0 }];
         let mut found = Vec::with_capacity(RADII_MM.len());
-        let mut from = 0.0;
-        for (i, to) in RADII_MM.into_iter().enumerate() {
+        for i in 0..RADII_MM.len() {
             for half in &mut halves {
-                *half = self.smoother.widen(std::mem::take(half), from, to, control)?;
+                *half = self.widen(std::mem::take(half), i, control)?;
             }
-            from = to;
             let mean = lab_of(&mean_of(&halves));
             let noise = noise_of(&halves);
             energy.iter_mut().zip(&noise).for_each(|(energy, noise)| energy[i] = noise * noise);
@@ -346,7 +370,9 @@ impl<'a> Judge<'a> {
                 errors.sharpness = self.sharpness(&mean, control)?;
             }
         }
-        let energy = self.smoother.widen(energy, 0.0, NOISE_MM, control)?;
+        if halves.len() > 1 {
+            energy = self.low_pass.apply(&energy, control)?;
+        }
         for (i, (printable, raw, noise)) in found.into_iter().enumerate() {
             let [printable, raw] = [printable, raw].map(|differences| without_noise(differences, &energy, i));
             if i == VIEWED {
@@ -376,6 +402,11 @@ impl<'a> Judge<'a> {
         };
         ColorClass::ALL.into_iter().filter_map(of).collect()
     }
+}
+
+/// Standard deviation in mm of the Gaussian that leads from the radius before to `radius`.
+fn step_mm(radius: usize) -> f64 {
+    (RADII_MM[radius].powi(2) - RADII_MM[radius - 1].powi(2)).sqrt()
 }
 
 /// Distinct positions below `all`, ascending: those with the least random numbers.
@@ -423,7 +454,7 @@ fn without_noise(mut differences: Vec<f32>, energy: &[[f32; 3]], radius: usize) 
 /// L* less its mean over about a millimetre.
 fn contrast(low_pass: &LowPass, lab: &[[f32; 3]], control: &Control<'_>) -> Result<Vec<f32>, RefineError> {
     let lightness: Vec<f32> = lab.iter().map(|lab| lab[0]).collect();
-    let mut low = low_pass.apply(&lightness, control)?;
+    let mut low = low_pass.scalar(&lightness, control)?;
     low.iter_mut().zip(&lightness).for_each(|(low, l)| *low = l - *low);
     Ok(low)
 }

@@ -2,7 +2,7 @@
 
 use candle_core::{Device, Tensor};
 
-use crate::network::through_output;
+use crate::block::through_output;
 use crate::reference::CandleNetwork;
 use crate::variant::{LEVEL_INPUTS, LEVELS};
 use crate::{Precision, RpnnError, Weights};

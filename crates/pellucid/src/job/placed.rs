@@ -1,7 +1,6 @@
 //! The first artefact: which voxels are solid, and what colour their surface has in the texture.
 
-use pellucid_mesh::voxelise::{VoxeliseOptions, voxelise};
-use pellucid_mesh::{MeshReport, Model, Placement, surface_colors};
+use pellucid_mesh::{MeshReport, Model, PlacedMesh, Placement, VoxeliseOptions};
 use pellucid_slice::check_extent;
 use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
 
@@ -42,18 +41,22 @@ impl PrintJob {
     /// [`PrintError::Unsupported`] at once when it is larger than the printer; [`PrintError`] of the step that failed.
     pub fn place(&self, model: &Model, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
         let s = &self.settings;
-        check_extent(&s.printer, Placement::new(model, s.scale)?.extent_mm())?;
+        let placement = Placement::new(model, s.scale)?;
+        check_extent(&s.printer, placement.extent_mm())?;
         let options = VoxeliseOptions {
             pitch: s.printer.pitch(),
             scale: s.scale,
             label: self.white,
             ..VoxeliseOptions::default()
         };
-        let voxelised = monitor.run(Stage::Voxelise, |c| voxelise(model, &options, c))?;
+        let (mesh, voxelised) = monitor.run(Stage::Voxelise, |c| {
+            let mesh = PlacedMesh::at(model, placement);
+            let voxelised = mesh.voxelise(&options, c)?;
+            Ok::<_, PrintError>((mesh, voxelised))
+        })?;
         voxelised.report.warnings().iter().for_each(|warning| monitor.warn(warning));
         let shape = self.measure(voxelised.grid, monitor)?;
-        let texture = monitor
-            .run(Stage::Texture, |c| surface_colors(model, &voxelised.placement, &shape.surface, c))?;
+        let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
         Ok(Placed {
             model: ModelRecord::of(model),
             texture,

@@ -1,7 +1,7 @@
 //! The module's error type.
 
+use crate::DatasetError;
 use pellucid_core::{Cancelled, Fault, FileError};
-use pellucid_dataset::DatasetError;
 use pellucid_rpnn::RpnnError;
 use pellucid_trace::TraceError;
 

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use crate::{LabelledSet, Stream};
 use pellucid_core::{Control, FileError};
-use pellucid_dataset::{LabelledSet, Stream};
 use pellucid_rpnn::Inference;
 use pellucid_rpnn::file::{Provenance, save};
 use pellucid_rpnn::train::trainer::StepReport;

@@ -1,7 +1,7 @@
 //! A network's errors on labelled sets.
 
+use crate::{Judgement, LabelledSet};
 use pellucid_core::Control;
-use pellucid_dataset::{Judgement, LabelledSet};
 use pellucid_rpnn::{Inference, Precision, RpnnError, TrainedNetwork};
 
 use super::TrainingError;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use pellucid_core::Control;
-use pellucid_dataset::{
+use crate::{
     DatasetError, LabelledSet, Recipe, Sampler, SetHeader, Shard, StoredVolumes, Stream, StreamOptions,
 };
+use pellucid_core::Control;
 use pellucid_rpnn::file::Provenance;
 use pellucid_rpnn::train::Trainer;
 use pellucid_trace::Boundary;

@@ -1,7 +1,6 @@
-//! Training the appearance network on procedural volumes, and judging it on labelled sets (features `rpnn` and
-//! `dataset`).
+//! Training the appearance network on procedural volumes, and judging it on labelled sets (feature `training`).
 //!
-//! A run reads a [`TrainingSet`], is validated on a [`LabelledSet`](crate::dataset::LabelledSet), and leaves weights that
+//! A run reads a [`TrainingSet`], is validated on a [`LabelledSet`](crate::LabelledSet), and leaves weights that
 //! say what they were trained for ([`provenance`]) beside a state to go on from.
 
 mod error;
