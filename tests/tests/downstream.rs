@@ -20,7 +20,7 @@ use pellucid_tests::{patched_ball, spectral_cmykw};
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn small() -> PrintSettings {
-    let judge = Effort { points: 500, point_passes: 4, surface_passes: 2 };
+    let judge = Effort { points: 300, ..Effort::default() };
     let mut settings =
         PrintSettings { scale: Scale::HeightMm(1.5), spp: 4, judge, ..PrintSettings::default() };
     settings.refine.iterations = 2;

@@ -29,6 +29,7 @@ fn labels_of_a_small_job_stay_as_they_are() {
         seed: 5,
         judge: Effort { points: 20, point_passes: 2, surface_passes: 2 },
         judge_spp: 1,
+        judge_point_spp: 1,
         proof_edge: 16,
         ..PrintSettings::default()
     };

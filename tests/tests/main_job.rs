@@ -16,8 +16,9 @@ fn settings(height_mm: f64) -> PrintSettings {
         scale: Scale::HeightMm(height_mm),
         spp: 16,
         seed: 3,
-        judge: Effort { points: 3000, point_passes: 16, surface_passes: 2 },
+        judge: Effort { points: 3000, point_passes: 2, surface_passes: 2 },
         judge_spp: 16,
+        judge_point_spp: 128,
         proof_edge: 64,
         ..PrintSettings::default()
     };
@@ -28,7 +29,7 @@ fn settings(height_mm: f64) -> PrintSettings {
 fn quick(height_mm: f64) -> PrintSettings {
     let mut settings = settings(height_mm);
     settings.judge = Effort { points: 20, point_passes: 2, surface_passes: 2 };
-    settings.judge_spp = 1;
+    (settings.judge_spp, settings.judge_point_spp) = (1, 1);
     settings
 }
 

@@ -115,7 +115,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
     ///
     /// # Errors
     /// As [`Refinement::new`]; [`RefineError::Invalid`] naming the difference when the saved value is of another object,
-    /// other targets, another strategy or other settings, or damaged.
+    /// other targets, viewing or inks, another strategy or other settings, or damaged.
     pub fn resume(
         problem: Problem<'a>,
         strategy: S,
@@ -390,7 +390,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             return differs("another object or other materials");
         }
         if saved.colors != own.colors {
-            return differs("other targets or inks");
+            return differs("other targets, viewing or inks");
         }
         let iterations = &saved.report.iterations;
         let whole = saved.iteration <= self.settings.iterations + 1

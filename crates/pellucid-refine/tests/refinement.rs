@@ -237,6 +237,9 @@ fn a_checkpoint_is_compact_and_refused_when_it_does_not_fit() {
     assert!(text.contains("iterations: 3") && text.contains("iterations: 4"), "{text}");
     let target = Slab::small().towards(halves(BLUE, ORANGE));
     assert!(refused(saved.clone(), SurfaceFirst::default(), settings(3), &target).contains("other targets"));
+    let mut lit = Slab::small().towards(halves(ORANGE, BLUE));
+    lit.viewing = pellucid_color::Viewing::rgb(pellucid_color::MediaWhite::new([0.7, 0.8, 0.61]).unwrap());
+    assert!(refused(saved.clone(), SurfaceFirst::default(), settings(3), &lit).contains("viewing"));
     let size = Slab::new(Pitch::new([0.05; 3]).unwrap(), [40, 20, 60], 3, 0.6).towards(|_| BLUE);
     assert!(refused(saved.clone(), SurfaceFirst::default(), settings(3), &size).contains("another object"));
     let damages: [fn(&mut Saved<pellucid_refine::SurfaceFirstState>); 4] = [

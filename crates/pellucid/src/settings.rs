@@ -88,8 +88,10 @@ pub struct PrintSettings {
     pub seed: u64,
     /// What the judge traces.
     pub judge: Effort,
-    /// Paths a point and channel in one of the judge's passes.
+    /// Paths a point and channel in one of the judge's passes over every surface voxel.
     pub judge_spp: u32,
+    /// Paths a point and channel in one of its passes over the points of per-voxel errors.
+    pub judge_point_spp: u32,
     /// Longer edge of a proof picture in pixels.
     pub proof_edge: u32,
 }
@@ -113,7 +115,8 @@ impl Default for PrintSettings {
             surface_first: SurfaceFirst::default(),
             seed: 0,
             judge: Effort::default(),
-            judge_spp: 16,
+            judge_spp: 3,
+            judge_point_spp: 1024,
             proof_edge: 480,
         }
     }
@@ -122,7 +125,9 @@ impl Default for PrintSettings {
 impl PrintSettings {
     /// Checks what does not need other crates' tables, and finds the label of white.
     pub(crate) fn check(&self) -> Result<u8, PrintError> {
-        for (field, value) in [("spp", self.spp), ("judge_spp", self.judge_spp)] {
+        for (field, value) in
+            [("spp", self.spp), ("judge_spp", self.judge_spp), ("judge_point_spp", self.judge_point_spp)]
+        {
             if !(1..=MOST).contains(&value) {
                 return Err(PrintError::invalid(field, format!("{value}; 1 to {MOST} are possible")));
             }

@@ -8,7 +8,7 @@ use pellucid_color::Viewing;
 use pellucid_core::random::{Domain, hash};
 use pellucid_core::{Control, ErrorStats, NoisyScore};
 use pellucid_predict::{BoundPredictor, Capabilities, Changed, Draw, Object, Pass};
-use pellucid_voxel::LabelGrid;
+use pellucid_voxel::{LabelGrid, Surface, near_order};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ impl<'a> From<Problem<'a>> for JudgeInput<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Effort {
-    /// Surface voxels drawn for per-voxel errors, 1 to 2^30; all when there are no more.
+    /// Surface voxels drawn for per-voxel errors, spread over the surface, 1 to 2^30; all when there are no more.
     pub points: u32,
     /// Passes over those, even, 2 to 16384.
     pub point_passes: u32,
@@ -64,7 +64,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { points: 5_000, point_passes: 64, surface_passes: 2 }
+        Self { points: 1_000, point_passes: 2, surface_passes: 2 }
     }
 }
 
@@ -176,7 +176,7 @@ impl<'a> Judge<'a> {
             input,
             effort,
             seed,
-            points: draw_points(seed, object.surface().len(), effort.points as usize),
+            points: draw_points(seed, object.surface(), effort.points as usize),
             smoother,
             last_step,
             low_pass,
@@ -234,6 +234,34 @@ impl<'a> Judge<'a> {
         control: &Control<'_>,
     ) -> Result<Judged, RefineError> {
         bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        self.judge_updated([&*bound, &*bound], capabilities, control)
+    }
+
+    /// [`Judge::judge`] with a predictor of its own, of more paths a pass, for per-voxel errors: few long passes over few
+    /// points take less time than many short ones.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn judge_with(
+        &self,
+        labels: &LabelGrid,
+        bound: &mut dyn BoundPredictor,
+        precise: &mut dyn BoundPredictor,
+        capabilities: Capabilities,
+        control: &Control<'_>,
+    ) -> Result<Judged, RefineError> {
+        bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        precise.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
+        self.judge_updated([&*bound, &*precise], capabilities, control)
+    }
+
+    /// Judges what two predictors, of all surface voxels and of the points, were brought up to date with.
+    fn judge_updated(
+        &self,
+        [bound, precise]: [&dyn BoundPredictor; 2],
+        capabilities: Capabilities,
+        control: &Control<'_>,
+    ) -> Result<Judged, RefineError> {
         let all = self.input.object.points();
         let Effort { mut point_passes, mut surface_passes, .. } = self.effort;
         if !capabilities.random {
@@ -245,7 +273,7 @@ impl<'a> Judge<'a> {
         let mut paths = 0;
         let surface = self.surface_halves(&all, surface_passes, bound, &mut meter, &mut paths)?;
         let passes = surface_passes..surface_passes + point_passes;
-        let halves = self.point_halves(passes, bound, &mut meter, &mut paths)?;
+        let halves = self.point_halves(passes, precise, &mut meter, &mut paths)?;
         let mut errors = StateErrors {
             voxel: self.voxel_errors(&halves),
             points: self.points.len() as u64,
@@ -409,15 +437,18 @@ fn step_mm(radius: usize) -> f64 {
     (RADII_MM[radius].powi(2) - RADII_MM[radius - 1].powi(2)).sqrt()
 }
 
-/// Distinct positions below `all`, ascending: those with the least random numbers.
-fn draw_points(seed: u64, all: usize, wanted: usize) -> Vec<u32> {
-    let mut keyed: Vec<(u64, u32)> =
-        (0..all as u32).map(|p| (hash(seed, POINTS, u64::from(p), 0), p)).collect();
-    if wanted < all {
-        keyed.select_nth_unstable(wanted);
-        keyed.truncate(wanted);
-    }
-    let mut points: Vec<u32> = keyed.into_iter().map(|(_, p)| p).collect();
+/// Distinct positions in the list of surface voxels, ascending: one at random of each of `wanted` equal stretches of the
+/// surface, since errors of neighbours are alike; all when there are no more.
+fn draw_points(seed: u64, surface: &Surface, wanted: usize) -> Vec<u32> {
+    let order = near_order(surface.voxels());
+    let wanted = wanted.min(order.len());
+    let start = |stretch: usize| (stretch as u64 * order.len() as u64 / wanted as u64) as usize;
+    let mut points: Vec<u32> = (0..wanted)
+        .map(|i| {
+            let (from, to) = (start(i), start(i + 1));
+            order[from + (hash(seed, POINTS, i as u64, 0) % (to - from) as u64) as usize]
+        })
+        .collect();
     points.sort_unstable();
     points
 }

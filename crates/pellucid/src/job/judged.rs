@@ -78,13 +78,15 @@ impl PrintJob {
         let tracer = predictors::monte_carlo(s, s.judge_spp)?;
         let capabilities = tracer.supports(&aimed.object)?;
         let mut bound = tracer.bind(aimed.object.clone())?;
+        let mut precise = predictors::monte_carlo(s, s.judge_point_spp)?.bind(aimed.object.clone())?;
         let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 2 * total);
         let (first, second) = (half(0), half(1));
         let silent = control.silent();
-        let before =
-            judge.judge(&refined.unrefined, &mut *bound, capabilities, &silent.with_progress(&first))?;
-        let after =
-            judge.judge(&refined.labels, &mut *bound, capabilities, &silent.with_progress(&second))?;
+        let mut look = |labels: &LabelGrid, control: Control<'_>| {
+            judge.judge_with(labels, &mut *bound, &mut *precise, capabilities, &control)
+        };
+        let before = look(&refined.unrefined, silent.with_progress(&first))?;
+        let after = look(&refined.labels, silent.with_progress(&second))?;
         let prediction = match self.network_alone(aimed, &refined.labels, judge.points(), &silent)? {
             Some(radiance) => Some(PredictionError::of(&after.prediction_error(&radiance)?)),
             None => None,
