@@ -1,11 +1,9 @@
 //! `pellucid prepare` as a user meets it: exit statuses, messages, files, interruption.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{cube, quick, run, slices, stderr, stdout};
+use crate::common::{cube, quick, run, slices, stderr, stdout};
 
 fn text(path: &Path) -> &str {
     path.to_str().expect("temporary folders have plain names")
@@ -184,7 +182,12 @@ mod interrupted {
         let mut arguments = vec!["prepare", text(model), "--out", text(out)];
         arguments.extend(LONG);
         arguments.extend(more);
-        common::pellucid().args(arguments).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap()
+        crate::common::pellucid()
+            .args(arguments)
+            .stderr(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap()
     }
 
     /// Waits until a checkpoint of the refinement is there, then sends a signal.
@@ -256,7 +259,7 @@ mod interrupted {
         let (model, out) = (cube(folder.path()), folder.path().join("print"));
         let full = || Stdio::from(fs::OpenOptions::new().write(true).open("/dev/full").unwrap());
         let quick = quick(text(&model), text(&out), &[]);
-        let done = common::pellucid().args(quick).stdout(full()).stderr(full()).status().unwrap();
+        let done = crate::common::pellucid().args(quick).stdout(full()).stderr(full()).status().unwrap();
         assert_eq!(done.code(), Some(1));
         assert!(out.join("report.json").exists());
     }

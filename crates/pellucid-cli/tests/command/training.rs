@@ -1,17 +1,15 @@
 //! Sets, training and judging as a user meets them: generate, info, verify, five steps, resume, judge.
 
-mod common;
-
 use std::fs;
 
-use common::{run, stderr, stdout};
+use crate::common::{run, stderr, stdout};
 
 #[test]
 fn a_toy_recipe_is_labelled_trained_on_and_judged() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().expect("plain names").to_owned();
     let recipe = path("toy.json");
-    fs::write(&recipe, include_str!("toy.json")).unwrap();
+    fs::write(&recipe, include_str!("../toy.json")).unwrap();
     let done = |arguments: &[&str]| {
         let output = run(arguments);
         assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
