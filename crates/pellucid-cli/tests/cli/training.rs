@@ -31,7 +31,7 @@ fn a_toy_recipe_is_labelled_trained_on_and_judged() {
     };
     let five = train("whole", "5", &[]);
     assert!(!five.is_empty());
-    let judged = done(&["dataset", "judge", &path("whole/weights.safetensors"), &set]);
+    let judged = done(&["dataset", "judge", &set, "--weights", &path("whole/weights.safetensors")]);
     assert!(judged.to_lowercase().contains("rmse"), "{judged}");
     // A run that is complete says so, and resuming it changes nothing.
     assert_eq!(train("whole", "5", &["--resume"]), five);
@@ -39,6 +39,6 @@ fn a_toy_recipe_is_labelled_trained_on_and_judged() {
     let missing = run(&["dataset", "info", &path("none.set")]);
     assert_eq!(missing.status.code(), Some(1));
     assert_eq!(stderr(&missing).matches("No such file").count(), 1, "{}", stderr(&missing));
-    let refused = run(&["dataset", "judge", &recipe, &set]);
+    let refused = run(&["dataset", "judge", &set, "--weights", &recipe]);
     assert!(stderr(&refused).contains("pellucid train"), "{}", stderr(&refused));
 }

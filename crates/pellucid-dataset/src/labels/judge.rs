@@ -32,8 +32,8 @@ pub struct Judgement {
 }
 
 /// Predicts a set and compares with its labels. `predict` takes stencils ordered
-/// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm, [`STENCIL_VALUES`](crate::STENCIL_VALUES) a sample, and writes a radiance a sample;
-/// a network's [`radiance`] does. Progress counts samples.
+/// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm, [`STENCIL_VALUES`](crate::STENCIL_VALUES) a sample, and writes
+/// a radiance a sample; a network's [`radiance`] does. Progress counts samples.
 ///
 /// [`radiance`]: https://docs.rs/pellucid-rpnn/latest/pellucid_rpnn/struct.Inference.html#method.radiance
 ///
