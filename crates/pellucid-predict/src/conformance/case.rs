@@ -43,7 +43,7 @@ impl Case {
         }
         // Runs of neighbours, as predictors may share work among them.
         let (points, all) = (points.clamp(16, count), 0..count as u32);
-        let chosen = all.filter(|&p| (p as usize / RUN * RUN) % (count / points * RUN).max(1) == 0);
+        let chosen = all.filter(|&p| (p as usize / RUN * RUN).is_multiple_of((count / points * RUN).max(1)));
         Ok(Self { points: chosen.collect(), object, labels })
     }
 
