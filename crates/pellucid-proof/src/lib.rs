@@ -39,6 +39,7 @@ mod picture;
 mod png;
 mod proof;
 mod srgb_image;
+mod values;
 mod view;
 mod visibility;
 

@@ -7,8 +7,26 @@ use pellucid_core::{Control, files};
 
 use crate::{ProofError, SrgbImage};
 
+impl SrgbImage {
+    /// Writes a PNG stream.
+    ///
+    /// # Errors
+    /// What `out` fails with.
+    pub fn encode_png(&self, out: &mut dyn Write) -> io::Result<()> {
+        encode(self, out, &Control::none())
+    }
+
+    /// Writes a PNG file, whole or not at all. Progress is in rows.
+    ///
+    /// # Errors
+    /// [`ProofError::Io`], [`ProofError::Cancelled`].
+    pub fn write_png(&self, path: impl AsRef<Path>, control: &Control<'_>) -> Result<(), ProofError> {
+        write(self, path.as_ref(), control)
+    }
+}
+
 /// Writes a file by way of a temporary one.
-pub fn write(image: &SrgbImage, path: &Path, control: &Control<'_>) -> Result<(), ProofError> {
+fn write(image: &SrgbImage, path: &Path, control: &Control<'_>) -> Result<(), ProofError> {
     control.check()?;
     let written = files::write_whole(path, |out| encode(image, out, control));
     // A cancelled encoder ends with an error of its own, which says less.
@@ -19,7 +37,7 @@ pub fn write(image: &SrgbImage, path: &Path, control: &Control<'_>) -> Result<()
 }
 
 /// Encodes row by row; a cancelled one ends with an error.
-pub fn encode(image: &SrgbImage, out: &mut dyn Write, control: &Control<'_>) -> io::Result<()> {
+fn encode(image: &SrgbImage, out: &mut dyn Write, control: &Control<'_>) -> io::Result<()> {
     let mut encoder = png::Encoder::new(out, image.width(), image.height());
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);

@@ -1,14 +1,13 @@
 //! Eight-bit pictures.
 
-use std::io::{self, Write};
-use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
 use pellucid_color::space::srgb_encode_u8;
 use pellucid_core::Control;
 use rayon::prelude::*;
 
-use crate::{ProofError, picture, png};
+use crate::ProofError;
+use crate::values::check_values;
 
 /// A picture of eight bits a channel: sRGB colours, not premultiplied, and alpha.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,7 +23,7 @@ impl SrgbImage {
     /// # Errors
     /// [`ProofError::Invalid`] for an edge of 0 or another number of values than 4 a pixel.
     pub fn new(width: u32, height: u32, rgba: Vec<u8>) -> Result<Self, ProofError> {
-        picture::check_values("picture", width, height, rgba.len())?;
+        check_values("picture", width, height, rgba.len())?;
         Ok(Self { width, height, rgba })
     }
 
@@ -74,21 +73,5 @@ impl SrgbImage {
         let inside = x < self.width && y < self.height;
         let at = y as usize * self.width as usize + x as usize;
         if inside { self.rgba.as_chunks().0.get(at).copied() } else { None }
-    }
-
-    /// Writes a PNG stream.
-    ///
-    /// # Errors
-    /// What `out` fails with.
-    pub fn encode_png(&self, out: &mut dyn Write) -> io::Result<()> {
-        png::encode(self, out, &Control::none())
-    }
-
-    /// Writes a PNG file, whole or not at all. Progress is in rows.
-    ///
-    /// # Errors
-    /// [`ProofError::Io`], [`ProofError::Cancelled`].
-    pub fn write_png(&self, path: impl AsRef<Path>, control: &Control<'_>) -> Result<(), ProofError> {
-        png::write(self, path.as_ref(), control)
     }
 }

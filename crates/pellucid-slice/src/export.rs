@@ -12,31 +12,7 @@ use rayon::prelude::*;
 use crate::check::check;
 use crate::encode::LayerFormat;
 use crate::manifest::{self, MANIFEST_FILE, Manifest};
-use crate::{PrintTarget, Recorded, SliceError};
-
-/// What the caller wants recorded, and whether an output may be replaced.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExportSettings {
-    /// Replace an existing output of this program.
-    pub force: bool,
-    /// Random seed of the preparation, for the manifest.
-    pub seed: u64,
-    /// Program and version, for the manifest.
-    pub generator: String,
-    /// Anything else worth recording in the manifest: all that is needed to make the print again.
-    pub settings: Recorded,
-}
-
-impl Default for ExportSettings {
-    fn default() -> Self {
-        Self {
-            force: false,
-            seed: 0,
-            generator: concat!("pellucid-slice ", env!("CARGO_PKG_VERSION")).into(),
-            settings: Recorded::default(),
-        }
-    }
-}
+use crate::{ExportSettings, PrintTarget, SliceError};
 
 /// What [`export`] writes into an output folder, known by its manifest. A caller that adds files to the same output adds
 /// their names with [`OwnFiles::and`].

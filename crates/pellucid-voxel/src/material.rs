@@ -103,39 +103,6 @@ impl MaterialTable {
         Ok(Self { channel_names: channels.names(), channels, materials })
     }
 
-    /// From JSON text:
-    /// `{"channel_names": ["R", "G", "B"], "materials": [{"name": …, "sigma_s": […], "sigma_a": […], "g": …}, …]}`.
-    /// Instead of names, `"channels": {"bands": {"start_nm": 400, "step_nm": 10, "count": 31}}` is possible.
-    ///
-    /// ```
-    /// let error = pellucid_voxel::MaterialTable::from_json(
-    ///     r#"{"channel_names": ["grey"], "materials": [{"name": "ink", "sigma_s": [4], "sigma_a": ["-"], "g": 0}]}"#,
-    /// );
-    /// assert_eq!(
-    ///     error.unwrap_err().to_string(),
-    ///     "invalid material table: material 1: sigma_a: found text \"-\" where a number is expected (line 1, column 90)"
-    /// );
-    /// ```
-    ///
-    /// # Errors
-    /// [`VoxelError::Invalid`] naming line and column of what is no such table, and as [`MaterialTable::new`].
-    #[cfg(feature = "serde")]
-    pub fn from_json(text: &str) -> Result<Self, VoxelError> {
-        crate::json::parse(text)
-    }
-
-    /// From a JSON file of at most [`MaterialTable::MAX_FILE_BYTES`]; see [`MaterialTable::from_json`].
-    ///
-    /// # Errors
-    /// [`VoxelError::Io`] where the file cannot be read or is larger; else as [`MaterialTable::from_json`], with the
-    /// file's name before the rest.
-    #[cfg(feature = "serde")]
-    pub fn load(path: impl AsRef<std::path::Path>) -> Result<Self, VoxelError> {
-        let path = path.as_ref();
-        let text = pellucid_core::files::read_text_bounded(path, Self::MAX_FILE_BYTES)?;
-        Self::from_json(&text).map_err(|error| error.in_file(path))
-    }
-
     /// The default cyan, magenta, yellow, black and white of a J750-class printer over linear
     /// R, G, B (after Elek et al. 2017; g = 0.4). Labels 1 to 5 in that order.
     pub fn cmykw() -> Self {

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicU64;
 use rayon::prelude::*;
 
 use crate::grid::tile_coords;
-use crate::nearest_block::Plan;
+use crate::nearest_block::{self, Plan};
 use crate::{Control, Frame, LabelGrid, Surface, TILE, TILE_VOXELS, Tile, VoxelError};
 
 /// Marks a tile without entries.
@@ -44,7 +44,7 @@ pub struct NearestSurface {
 
 impl NearestSurface {
     /// Stands for "no surface voxel within the depth" in [`NearestSurface::tile`].
-    pub const NONE: u32 = u32::MAX;
+    pub const NONE: u32 = nearest_block::NONE;
 
     /// Finds the nearest surface voxel of every solid voxel within `depth_mm`, which is included
     /// to a relative 1e-9. A separable transform over blocks of tiles that overlap by the depth,

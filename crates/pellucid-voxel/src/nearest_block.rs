@@ -3,7 +3,10 @@
 use crate::envelope::Envelope;
 use crate::occupancy::{ROWS, solid_rows};
 use crate::surface_index::SurfaceIndex;
-use crate::{AIR, Control, Frame, LabelGrid, NearestSurface, TILE, TILE_VOXELS, Tile, VoxelError};
+use crate::{AIR, Control, Frame, LabelGrid, TILE, TILE_VOXELS, Tile, VoxelError};
+
+/// The entry of a voxel without a surface voxel within reach.
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// Farthest reach along an axis in voxels: offsets are stored in 16 bits.
 const MAX_REACH: i64 = 16383;
@@ -167,10 +170,8 @@ impl Plan {
                             ((origin[1] + cy + y) as i64 + dy) as u32,
                             site_z as u32,
                         ];
-                        let entry = &mut entries[i]
-                            .get_or_insert_with(|| Box::new([NearestSurface::NONE; TILE_VOXELS]));
-                        entry[((z - tile.corner[2]) * TILE + y) * TILE + x] =
-                            index.get(at).unwrap_or(NearestSurface::NONE);
+                        let entry = &mut entries[i].get_or_insert_with(|| Box::new([NONE; TILE_VOXELS]));
+                        entry[((z - tile.corner[2]) * TILE + y) * TILE + x] = index.get(at).unwrap_or(NONE);
                     });
                 }
             }

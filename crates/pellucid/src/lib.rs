@@ -85,6 +85,8 @@ pub mod job;
 #[cfg(feature = "job")]
 mod monitor;
 #[cfg(feature = "job")]
+mod network_weights;
+#[cfg(feature = "job")]
 mod predictors;
 #[cfg(feature = "job")]
 pub mod record;
@@ -104,7 +106,7 @@ pub use job::{Prepared, PrintJob};
 #[cfg(feature = "job")]
 pub use monitor::Monitor;
 #[cfg(feature = "job")]
-pub use predictors::NetworkWeights;
+pub use network_weights::NetworkWeights;
 #[cfg(feature = "job")]
 pub use record::{ModelRecord, Record};
 #[cfg(feature = "job")]

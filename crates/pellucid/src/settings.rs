@@ -69,7 +69,7 @@ pub struct PrintSettings {
     pub predictor: PredictorKind,
     /// Weights for [`PredictorKind::Rpnn`]; the library's own without them. A record names them by their digest.
     #[serde(skip)]
-    pub weights: Option<crate::predictors::NetworkWeights>,
+    pub weights: Option<crate::NetworkWeights>,
     /// Paths a point and channel in each iteration: of every point with [`PredictorKind::MonteCarlo`], of those that
     /// correct the network with [`PredictorKind::Rpnn`].
     pub spp: u32,
