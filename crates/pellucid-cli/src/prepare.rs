@@ -20,6 +20,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 
 /// Arguments of `pellucid prepare`.
 #[derive(clap::Args)]
+#[command(args_override_self = true)]
 pub struct Args {
     /// A glTF 2.0 model: .glb, or .gltf with its files beside it
     model: PathBuf,

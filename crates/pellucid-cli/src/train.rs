@@ -224,10 +224,13 @@ fn start_or_resume(args: &Args) -> Result<Trainer, TrainingError> {
         return Err(TrainingError::Invalid(fault.remedy("--resume goes on from it")));
     }
     let defaults = TrainSettings::default();
+    let steps = args.steps.unwrap_or(training::UNPLANNED_STEPS);
     Ok(Trainer::new(TrainSettings {
         form: InputForm { order: args.order.network(), ..defaults.form },
         variant: args.variant.network(),
-        steps: args.steps.unwrap_or(training::UNPLANNED_STEPS),
+        steps,
+        // A trial of a few steps warms up for fewer.
+        warm_up: defaults.warm_up.min(steps / 4),
         peak_rate: args.rate,
         precision: args.precision.precision(),
         seed: args.seed,

@@ -1,5 +1,7 @@
 //! What it takes to make a print again: settings, model and predictor, as manifest, report and checkpoints hold them.
 
+use std::path::Path;
+
 use pellucid_core::Digest;
 use pellucid_mesh::Model;
 use pellucid_predict::Identity;
@@ -38,8 +40,10 @@ pub struct ModelRecord {
 impl ModelRecord {
     /// Of an imported model.
     pub fn of(model: &Model) -> Self {
+        // The name that import gives is the path that it was given, which is nobody's business.
+        let name = Path::new(model.name()).file_name().unwrap_or_default();
         Self {
-            name: model.name().to_owned(),
+            name: name.to_string_lossy().into_owned(),
             digest: model.digest().hex(),
             notes: model.notes().iter().map(|n| format!("{}: {}", n.object, n.text)).collect(),
         }

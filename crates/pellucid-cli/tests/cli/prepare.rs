@@ -145,8 +145,7 @@ fn notes_of_import_are_shown() {
     let folder = tempfile::tempdir().unwrap();
     let model = cube(folder.path());
     let mut bytes = fs::read(&model).unwrap();
-    // The primitive gets a material that is cut out by alpha, as far as its text has room: the name of the asset's
-    // version is long enough to carry none, so the file is written anew.
+    // The file is written anew with a material that alpha cuts out.
     let json_length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let json = String::from_utf8(bytes[20..20 + json_length].to_vec()).unwrap();
     let mut json = json
