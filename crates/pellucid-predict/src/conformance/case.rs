@@ -42,8 +42,8 @@ impl Case {
             ));
         }
         // Runs of neighbours, as predictors may share work among them.
-        let (points, all) = (points.clamp(16, count), 0..count as u32);
-        let chosen = all.filter(|&p| (p as usize / RUN * RUN).is_multiple_of((count / points * RUN).max(1)));
+        let one_in = count / points.clamp(16, count);
+        let chosen = (0..count as u32).filter(|&p| (p as usize / RUN).is_multiple_of(one_in));
         Ok(Self { points: chosen.collect(), object, labels })
     }
 
