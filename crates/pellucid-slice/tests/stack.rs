@@ -202,7 +202,7 @@ fn what_the_printer_cannot_do_is_refused_with_a_remedy() {
     refused(
         &grid,
         &target(&[("build_space_mm", serde_json::json!([490.0, 390.0, 1.0]))]),
-        &["along z", "scale"],
+        &["490 x 390 x 1 mm", "scale"],
     );
     refused(&grid, &target(&[("max_materials", 4.into())]), &["5 are needed", "cyan", "fewer"]);
     let no_white = serde_json::json!({"cyan": [0, 0, 9, 255], "magenta": [1, 0, 0, 255], "yellow": [2, 0, 0, 255],
