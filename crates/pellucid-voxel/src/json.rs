@@ -17,7 +17,7 @@ impl MaterialTable {
     /// );
     /// assert_eq!(
     ///     error.unwrap_err().to_string(),
-    ///     "invalid material table: material 1: sigma_a: found text \"-\" where a number is expected (line 1, column 90)"
+    ///     "invalid material table: material 1: sigma_a: found text \"-\" where a number is expected (line 1, column 89)"
     /// );
     /// ```
     ///
