@@ -1,5 +1,6 @@
 //! Labelled samples of one volume.
 
+use pellucid_halftone::RankedNoise;
 use pellucid_stencil::{Coefficients, Features, StencilSpec, Stencils};
 use pellucid_trace::{Boundary, ErrorTarget, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, CountSat, LabelGrid, Material, MaterialTable, Surface, SurfaceOptions, Tile};
@@ -7,8 +8,8 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use super::half_stencils::HalfStencils;
-use crate::volume::blue_noise::BlueNoise;
 use crate::volume::fill;
+use crate::volume::texture::halftone_noise;
 use crate::{DatasetError, Recipe, Split};
 
 /// Points whose stencils are extracted at a time.
@@ -57,7 +58,7 @@ pub struct Sampler {
     materials: MaterialTable,
     coefficients: Coefficients,
     boundary: Boundary,
-    blue: BlueNoise,
+    blue: RankedNoise,
 }
 
 impl Sampler {
@@ -83,7 +84,7 @@ impl Sampler {
         });
         let materials = MaterialTable::new(materials.channel_names().to_vec(), scaled.collect())?;
         let coefficients = Coefficients::all(&materials, Features::ScatterAbsorb)?;
-        let blue = BlueNoise::new(recipe.pitch);
+        let blue = halftone_noise(recipe.pitch);
         Ok(Self { recipe: recipe.clone(), split, materials, coefficients, boundary, blue })
     }
 

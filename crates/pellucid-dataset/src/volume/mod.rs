@@ -5,9 +5,7 @@
 //! | [`shape`] | the solids, as signed distances |
 //! | [`texture`] | material arrangements: patterns, mixtures, halftone |
 //! | [`noise`] | the noise they are made of |
-//! | [`blue_noise`] | thresholds of a refined print's halftone |
 
-pub mod blue_noise;
 pub mod noise;
 pub mod shape;
 pub mod texture;

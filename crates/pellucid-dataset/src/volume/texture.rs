@@ -4,9 +4,15 @@
 use rand_core::Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::volume::blue_noise::BlueNoise;
+use pellucid_halftone::RankedNoise;
+use pellucid_voxel::{Frame, Pitch};
+
 use crate::volume::noise::{FractalNoise, GradientNoise, Lattice, VoronoiCells, hash, unit};
-use pellucid_voxel::Frame;
+
+/// Thresholds of the halftone that a refinement loop would use; the same for every recipe of a pitch.
+pub(crate) fn halftone_noise(pitch: Pitch) -> RankedNoise {
+    RankedNoise::new(pitch, |i| unit(hash(0xb1e, i as i64, 0, 0)))
+}
 
 /// Volume fractions of the materials, in label order; sum 1.
 pub type Mixture = Vec<f64>;
@@ -77,7 +83,7 @@ impl Texture {
     }
 
     /// Something that labels the voxels of a tile whose first voxel is `base`.
-    pub fn painter<'a>(&'a self, blue: &'a BlueNoise, frame: &'a Frame, base: [i64; 3]) -> Painter<'a> {
+    pub fn painter<'a>(&'a self, blue: &'a RankedNoise, frame: &'a Frame, base: [i64; 3]) -> Painter<'a> {
         let offset = hash(self.seed ^ 0x5eed, 0, 0, 0);
         let place = move |local: [usize; 3]| {
             frame.centre_mm(std::array::from_fn(|a| base[a] + local[a] as i64)).map(|v| v / self.scale_mm)
@@ -114,7 +120,7 @@ impl Texture {
 #[derive(Clone, Debug)]
 pub struct Painter<'a> {
     texture: &'a Texture,
-    blue: &'a BlueNoise,
+    blue: &'a RankedNoise,
     frame: &'a Frame,
     base: [i64; 3],
     coarse: Option<Lattice>,
@@ -235,7 +241,7 @@ mod tests {
 
     /// The labels of a box of voxels, all at one depth.
     fn labels(texture: &Texture, size: [usize; 3], depth: f64) -> Vec<u8> {
-        let blue = BlueNoise::new(Pitch::j750());
+        let blue = halftone_noise(Pitch::j750());
         let frame = Frame::new([0.0; 3], Pitch::j750(), size.map(|s| s as u32)).unwrap();
         let mut painters = std::collections::HashMap::new();
         (0..size.iter().product())
@@ -262,7 +268,7 @@ mod tests {
             core: vec![0.5, 0.5],
             dither: Dither::White,
         };
-        let blue = BlueNoise::new(Pitch::j750());
+        let blue = halftone_noise(Pitch::j750());
         let frame = Frame::new([0.0; 3], Pitch::j750(), [256; 3]).unwrap();
         let mut worst = 0.0f64;
         for tile in 0..100i64 {

@@ -1,8 +1,6 @@
-//! Thresholds of a blue-noise halftone, as a refinement loop uses.
+//! Blue-noise thresholds made in a moment: close to a mask of void-and-cluster, good enough for training data.
 
 use pellucid_voxel::Pitch;
-
-use crate::volume::noise::{hash, unit};
 
 /// Voxels of a period along `[x, y, z]`.
 const SIZE: [usize; 3] = [32, 16, 48];
@@ -15,16 +13,17 @@ const ROUNDS: usize = 8;
 /// White noise is high-passed and ranked, again and again: cheaper than void-and-cluster and close enough to
 /// it for training data.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BlueNoise {
+pub struct RankedNoise {
     /// Ordered `[z][y][x]`.
     thresholds: Vec<f32>,
 }
 
-impl BlueNoise {
-    /// The thresholds for a pitch.
-    pub fn new(pitch: Pitch) -> Self {
+impl RankedNoise {
+    /// The thresholds for a pitch. `white` gives the white noise that they start from, in 0..1, by position; the same
+    /// noise gives the same thresholds.
+    pub fn new(pitch: Pitch, white: impl Fn(usize) -> f64) -> Self {
         let cells: usize = SIZE.iter().product();
-        let mut values: Vec<f32> = (0..cells).map(|i| unit(hash(0xb1e, i as i64, 0, 0)) as f32).collect();
+        let mut values: Vec<f32> = (0..cells).map(|i| white(i) as f32).collect();
         let mut order: Vec<u32> = (0..cells as u32).collect();
         for _ in 0..ROUNDS {
             let mut low = values.clone();
@@ -73,10 +72,11 @@ fn blur(values: &[f32], size: usize, stride: usize, sigma: f64) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pellucid_core::random::{Domain, uniform};
 
     #[test]
     fn every_threshold_occurs_once_and_averages_settle_fast() {
-        let noise = BlueNoise::new(Pitch::j750());
+        let noise = RankedNoise::new(Pitch::j750(), |i| uniform(1, Domain::new("ranked noise"), i as u64, 0));
         let cells = noise.thresholds.len();
         let mut sorted = noise.thresholds.clone();
         sorted.sort_by(f32::total_cmp);
