@@ -2,8 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use pellucid_dataset::volume::blue_noise::BlueNoise;
 use pellucid_dataset::volume::fill;
+use pellucid_dataset::volume::texture::halftone_noise;
 use pellucid_dataset::{
     DatasetError, LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass, Shard,
     Split, StoredVolumes, Stream, StreamOptions, generate,
@@ -110,7 +110,7 @@ fn a_sample_is_what_its_volume_says() {
         let stencils = samples.stencils.to_f32();
 
         let (shape, texture) = recipe.draw(recipe.split(split).unwrap(), 1, 5);
-        let grid = fill(&shape, &texture, recipe.pitch, &BlueNoise::new(recipe.pitch)).unwrap();
+        let grid = fill(&shape, &texture, recipe.pitch, &halftone_noise(recipe.pitch)).unwrap();
         let density = if split == "dense" { 4.0 } else { 1.0 };
         for (point, voxel) in samples.voxels.iter().enumerate() {
             for channel in 0..3 {

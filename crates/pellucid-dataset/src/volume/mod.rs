@@ -12,7 +12,7 @@ pub mod texture;
 
 use pellucid_voxel::{AIR, Frame, LabelGrid, Pitch, TILE, TILE_VOXELS, Tile, VoxelError};
 
-use blue_noise::BlueNoise;
+use pellucid_halftone::RankedNoise;
 use shape::Shape;
 use texture::Texture;
 
@@ -24,7 +24,7 @@ pub fn fill(
     shape: &Shape,
     texture: &Texture,
     pitch: Pitch,
-    blue: &BlueNoise,
+    blue: &RankedNoise,
 ) -> Result<LabelGrid, VoxelError> {
     let mm = pitch.mm();
     let half: [u32; 3] = {
@@ -82,9 +82,13 @@ mod tests {
             core: vec![0.0, 0.0, 1.0],
             dither: Dither::White,
         };
-        let grid =
-            fill(&Shape::Sphere { diameter: 4.0 }, &texture, Pitch::j750(), &BlueNoise::new(Pitch::j750()))
-                .unwrap();
+        let grid = fill(
+            &Shape::Sphere { diameter: 4.0 },
+            &texture,
+            Pitch::j750(),
+            &texture::halftone_noise(Pitch::j750()),
+        )
+        .unwrap();
         let counts = grid.histogram();
         let volume = |n: u64| n as f64 * Pitch::j750().volume_mm3();
         let ball = |r: f64| 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);

@@ -10,7 +10,7 @@ use pellucid_voxel::{Frame, Pitch};
 use crate::volume::noise::{FractalNoise, GradientNoise, Lattice, VoronoiCells, hash, unit};
 
 /// Thresholds of the halftone that a refinement loop would use; the same for every recipe of a pitch.
-pub(crate) fn halftone_noise(pitch: Pitch) -> RankedNoise {
+pub fn halftone_noise(pitch: Pitch) -> RankedNoise {
     RankedNoise::new(pitch, |i| unit(hash(0xb1e, i as i64, 0, 0)))
 }
 
