@@ -59,7 +59,7 @@ fn error_is_a_third_of_plain_tracing_and_converges() {
 #[test]
 fn halves_that_are_there_already_lose_their_noise_without_more_paths() {
     let object = halftone();
-    let points: Vec<u32> = (0..object.surface.len() as u32).step_by(2).collect();
+    let points: Vec<u32> = (0..object.surface.len() as u32).step_by(3).collect();
     let (materials, control) = (MaterialTable::cmykw(), Control::none());
     let tracer = |spp| Tracer::new(&object.volume, &materials, dielectric(spp)).unwrap();
     let traced = |spp, pass| {
@@ -68,15 +68,15 @@ fn halves_that_are_there_already_lose_their_noise_without_more_paths() {
         // Colours: in another order than the channels, and scaled.
         l.chunks_exact(3).flat_map(|l| [l[2] * 1.2, l[0] * 1.1]).collect::<Vec<f32>>()
     };
-    let (a, b, reference) = (traced(4, 0), traced(4, 1), traced(256, 2));
+    let (a, b, reference) = (traced(4, 0), traced(4, 1), traced(96, 2));
     let mut assisted = vec![0.0; a.len()];
     tracer(1).assist(&points, &[2, 0], [&a, &b], &AssistOptions::default(), &mut assisted, &control).unwrap();
     let rms = |l: &mut dyn Iterator<Item = f32>| {
         (l.zip(&reference).map(|(l, r)| f64::from(l - r).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
     };
     let plain = rms(&mut a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)));
-    // The reference of 256 paths has noise of its own beside that of eight.
-    let error = (rms(&mut assisted.iter().copied()).powi(2) - plain * plain * 8.0 / 256.0).sqrt();
+    // The reference of 96 paths has noise of its own, which both differences hold.
+    let error = (rms(&mut assisted.iter().copied()).powi(2) - plain * plain * 8.0 / 104.0).sqrt();
     assert!(error < plain / 3.0, "{error} against {plain}");
 
     let refused =
