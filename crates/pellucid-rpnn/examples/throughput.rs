@@ -35,8 +35,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for variant in Variant::ALL {
         let mut row = Vec::new();
         for precision in [Precision::F32, Precision::Bf16] {
-            let mut weights = Weights::initial(variant, 1, 0.5);
-            let mut network = Network::new(variant, BATCH, precision)?;
+            let mut weights = Weights::initial(variant, Head::Radiance, 1, 0.5);
+            let mut network = Network::new(variant, Head::Radiance, BATCH, precision)?;
             network.load(&weights)?;
             let (mut out, mut d_out) = (vec![0.0; BATCH], vec![0.0; BATCH]);
             row.push(rate(5, || network.forward(&inputs, &mut out).expect("shapes agree")));
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
             }));
         }
-        let model = CandleNetwork::new(&Weights::initial(variant, 1, 0.5))?;
+        let model = CandleNetwork::new(&Weights::initial(variant, Head::Radiance, 1, 0.5))?;
         let x = Tensor::from_slice(&inputs, (BATCH, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
         let y = Tensor::from_slice(&labels, BATCH, &Device::Cpu)?;
         row.push(rate(3, || drop(model.forward(&x).expect("shapes agree"))));

@@ -15,7 +15,7 @@ fn outputs_agree() {
     for variant in Variant::ALL {
         let weights = weights(variant, 5);
         let x = inputs(6, 1);
-        let mut network = Network::new(variant, 8, Precision::F32).unwrap();
+        let mut network = Network::new(variant, Head::Radiance, 8, Precision::F32).unwrap();
         network.load(&weights).unwrap();
         let mut out = vec![0.0; 6];
         network.forward(&x, &mut out).unwrap();
@@ -37,7 +37,7 @@ fn gradients_agree_with_candle_and_reach_every_parameter_tensor() {
         let x = inputs(n, 2);
         let labels: Vec<f32> = (0..n).map(|i| 0.1 + 0.03 * i as f32).collect();
 
-        let mut network = Network::new(variant, n, Precision::F32).unwrap();
+        let mut network = Network::new(variant, Head::Radiance, n, Precision::F32).unwrap();
         network.load(&weights).unwrap();
         let mut out = vec![0.0; n];
         let mut gradient = vec![0.0; weights.values().len()];

@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use pellucid_core::{Control, InstructionSet};
 use pellucid_rpnn::Inference;
-use pellucid_rpnn::variant::{CELLS_XYZ, INPUTS, LEVEL_INPUTS};
-use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
+use pellucid_rpnn::variant::{CELLS_XYZ, Head, INPUTS, LEVEL_INPUTS};
+use pellucid_stencil::{Coefficients, FirstFlight, FirstFlights, StencilSpec, Stencils, near_order};
 use pellucid_voxel::{CountSat, LabelGrid};
 use rayon::prelude::*;
 
@@ -112,6 +112,13 @@ impl BoundPredictor for BoundNetwork {
         };
         let surface = self.object.surface();
         let voxels: Vec<[u32; 3]> = points.iter().map(|&p| surface.voxels()[p as usize]).collect();
+        let flights = match self.inference.head() {
+            Head::Radiance => None,
+            Head::FirstFlight => {
+                let index = self.object.refractive_index();
+                Some(FirstFlights::new(self.object.materials(), labels, surface, index)?)
+            }
+        };
         let order = volume.order(&voxels);
         let (done, outside) = (AtomicU64::new(0), AtomicU64::new(0));
         let predicted = order
@@ -120,7 +127,12 @@ impl BoundPredictor for BoundNetwork {
                 control.check()?;
                 let near: Vec<[u32; 3]> = chunk.iter().map(|&i| voxels[i as usize]).collect();
                 let mut scratch = self.take_scratch();
-                let (radiance, count) = volume.predict(&near, &mut scratch)?;
+                let mut flown = vec![FirstFlight::default(); near.len() * self.object.channels()];
+                if let Some(flights) = &flights {
+                    let chunk: Vec<u32> = chunk.iter().map(|&i| points[i as usize]).collect();
+                    flights.extract(&chunk, &mut flown, &Control::none())?;
+                }
+                let (radiance, count) = volume.predict(&near, &flown, &mut scratch)?;
                 self.leave_scratch(scratch);
                 outside.fetch_add(count, Ordering::Relaxed);
                 control.advance(&done, chunk.len() as u64, points.len() as u64);
@@ -160,11 +172,16 @@ impl Volume<'_> {
     }
 
     /// Radiance of some voxels `[voxel][channel]`, and how many of the values lie outside what training saw.
-    fn predict(&self, voxels: &[[u32; 3]], scratch: &mut Scratch) -> Result<(Vec<f32>, u64), PredictError> {
+    fn predict(
+        &self,
+        voxels: &[[u32; 3]],
+        flights: &[FirstFlight],
+        scratch: &mut Scratch,
+    ) -> Result<(Vec<f32>, u64), PredictError> {
         let mut radiance = vec![0.0; voxels.len() * self.coefficients.channels()];
         let Some((sharing, fine)) = &self.fine else {
             self.extract(&self.whole, voxels, &mut scratch.stencils)?;
-            scratch.inference.radiance(&scratch.stencils, &mut radiance)?;
+            scratch.inference.radiance(&scratch.stencils, flights, &mut radiance)?;
             let outside = scratch.stencils.chunks_exact(INPUTS).filter(|s| self.trained.misses(s)).count();
             return Ok((radiance, outside as u64));
         };
@@ -186,7 +203,10 @@ impl Volume<'_> {
             stencils.chunks_exact(INPUTS).map(|s| self.trained.exceeds(&s[own..])).collect();
         let states = inference.coarse_states(sharing.fine_levels, stencils)?;
         self.extract(fine, voxels, stencils)?;
-        inference.radiance_near(&states, &places, stencils, &mut radiance)?;
+        let head = inference.head();
+        let mut outputs = vec![0.0; radiance.len() * head.outputs()];
+        inference.outputs_near(&states, &places, stencils, &mut outputs)?;
+        head.radiance(&outputs, flights, &mut radiance);
         let samples = stencils.chunks_exact(own).zip(&places);
         let outside = samples.filter(|(s, p)| self.trained.misses(s) || beyond[**p as usize]).count();
         Ok((radiance, outside as u64))
