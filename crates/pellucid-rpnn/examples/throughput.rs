@@ -7,7 +7,7 @@ use std::time::Instant;
 use candle_core::{Device, Tensor};
 use pellucid_rpnn::adamw::{AdamW, AdamWSettings};
 use pellucid_rpnn::reference::CandleNetwork;
-use pellucid_rpnn::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use pellucid_rpnn::variant::{Head, INPUTS, LEVEL_INPUTS, LEVELS};
 use pellucid_rpnn::{Network, Precision, Variant, Weights};
 
 const BATCH: usize = 256;
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     *d = 2.0 * (o - l) / BATCH as f32;
                 }
                 gradient.fill(0.0);
-                network.backward(&out, &d_out, &mut gradient).expect("shapes agree");
+                network.backward(&d_out, &mut gradient).expect("shapes agree");
                 adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
             }));
         }

@@ -3,6 +3,7 @@
 
 use pellucid_predict::{Network, Sharing};
 use pellucid_rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
+use pellucid_rpnn::variant::Head;
 use pellucid_rpnn::{Precision, Provenance, TrainedNetwork, Variant, Weights};
 use pellucid_voxel::Pitch;
 

@@ -1,6 +1,6 @@
 //! Inputs and weights of tests.
 
-use pellucid_rpnn::variant::INPUTS;
+use pellucid_rpnn::variant::{Head, INPUTS};
 use pellucid_rpnn::{Variant, Weights};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
