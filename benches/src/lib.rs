@@ -4,9 +4,11 @@
 //! | --- | --- |
 //! | [`volumes`] | test volumes |
 //! | [`dense`] | the dense tables that summed-area tables are compared with |
+//! | [`solids`] | halftoned solids of the studies |
 //! | [`study`] | settings, records, tables and plots of the studies |
 #![forbid(unsafe_code)]
 
 pub mod dense;
+pub mod solids;
 pub mod study;
 pub mod volumes;
