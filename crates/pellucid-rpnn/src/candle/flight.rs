@@ -13,7 +13,8 @@ use crate::variant::FLIGHT_BINS;
 /// When the shapes, types or devices do not agree.
 pub fn radiance(outputs: &Tensor, flights: &Tensor) -> Result<Tensor> {
     let part = |first, values| flights.narrow(1, first, values);
-    let (masses, escaped, returned) = (part(0, FLIGHT_BINS)?, part(FLIGHT_BINS, 1)?, part(FLIGHT_BINS + 1, 1)?);
+    let (masses, escaped, returned) =
+        (part(0, FLIGHT_BINS)?, part(FLIGHT_BINS, 1)?, part(FLIGHT_BINS + 1, 1)?);
     let scattered = (outputs * Tensor::cat(&[masses, returned], 1)?)?.sum(1)?;
     relu(&(scattered + escaped.squeeze(1)?)?)
 }
