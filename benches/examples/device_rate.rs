@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use candle_core::{DType, Device, Tensor};
 use candle_nn::{Module, VarBuilder};
 use pellucid::predict::{
-    BoundPredictor, CandleNetwork, Changed, Draw, MonteCarlo, Network, NetworkDevice, Object, Pass, Predictor,
-    Sharing,
+    BoundPredictor, CandleNetwork, Changed, Draw, MonteCarlo, Network, NetworkDevice, Object, Pass,
+    Predictor, Sharing,
 };
 use pellucid::rpnn::candle::Rpnn;
 use pellucid::rpnn::variant::{LEVEL_INPUTS, LEVELS};
@@ -102,9 +102,8 @@ fn predictors(trained: Arc<TrainedNetwork>, device: &Device) -> Result<Vec<Value
     let points: Vec<u32> = all.iter().copied().take(limit).collect();
     let some: Vec<u32> = points.iter().copied().step_by((points.len() / TRACED).max(1)).collect();
     let traced = scene.radiance(&*scene.bound(&MonteCarlo::new(1024)?)?, &some)?;
-    let own = |precision, sharing| {
-        Network::new(trained.clone(), precision).with_sharing_where_possible(sharing)
-    };
+    let own =
+        |precision, sharing| Network::new(trained.clone(), precision).with_sharing_where_possible(sharing);
     let candle = |precision, sharing| {
         CandleNetwork::new(trained.clone(), device.clone(), precision)?.with_sharing(sharing)
     };

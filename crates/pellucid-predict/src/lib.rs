@@ -115,8 +115,8 @@ mod picture;
 pub mod predictor;
 mod sharing;
 
-pub use device::NetworkDevice;
 pub use corrected::{Corrected, Correction};
+pub use device::NetworkDevice;
 pub use error::PredictError;
 pub use identity::{Identity, WeightsIdentity};
 #[cfg(feature = "mc")]

@@ -26,7 +26,9 @@ fn ball() -> Result<LabelGrid, pellucid_voxel::VoxelError> {
     let size = mm.map(|mm| (2.0 * (RADIUS_MM + 0.2) / mm).ceil() as u32);
     let frame = Frame::new([-RADIUS_MM - 0.2; 3], Pitch::j750(), size)?;
     let mut labels = LabelGrid::new(frame);
-    for (x, y, z) in (0..size[0]).flat_map(|x| (0..size[1]).flat_map(move |y| (0..size[2]).map(move |z| (x, y, z)))) {
+    for (x, y, z) in
+        (0..size[0]).flat_map(|x| (0..size[1]).flat_map(move |y| (0..size[2]).map(move |z| (x, y, z))))
+    {
         let p = frame.centre_mm([x, y, z].map(i64::from));
         let depth = RADIUS_MM - p.iter().map(|c| c * c).sum::<f64>().sqrt();
         if depth < 0.0 {
@@ -53,8 +55,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let table = CountSat::build(&labels, materials.len(), &none)?;
     let samples = points.len() * coefficients.channels();
     let mut stencils = vec![0.0; samples * INPUTS];
-    Stencils::new(StencilSpec::paper(), &labels, &table)?
-        .extract(&coefficients, &voxels, &mut stencils, &none)?;
+    Stencils::new(StencilSpec::paper(), &labels, &table)?.extract(
+        &coefficients,
+        &voxels,
+        &mut stencils,
+        &none,
+    )?;
     let mut flights = vec![FirstFlight::default(); samples];
     FirstFlights::new(&materials, &labels, &surface, 1.5)?.extract(&points, &mut flights, &none)?;
 

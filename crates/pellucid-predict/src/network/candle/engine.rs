@@ -71,10 +71,8 @@ impl Evaluator for Engine {
         let batches: Vec<&[u32]> = order.chunks(self.voxels).collect();
         let channels = self.coefficients.channels();
         let row = channels * self.head().outputs();
-        let mut all = Outputs {
-            values: vec![0.0; voxels.len() * row],
-            outside: vec![false; voxels.len() * channels],
-        };
+        let mut all =
+            Outputs { values: vec![0.0; voxels.len() * row], outside: vec![false; voxels.len() * channels] };
         let mut done = 0;
         let produce = |batch: usize| {
             control.check()?;

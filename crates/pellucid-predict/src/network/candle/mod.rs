@@ -101,7 +101,10 @@ impl CandleNetwork {
     /// [`PredictError::Invalid`] when `samples` is not 1 to 65536.
     pub fn with_batch(mut self, samples: usize) -> Result<Self, PredictError> {
         if !(1..=1 << 16).contains(&samples) {
-            return Err(PredictError::invalid("batch", format!("{samples} samples; 1 to 65536 are possible")));
+            return Err(PredictError::invalid(
+                "batch",
+                format!("{samples} samples; 1 to 65536 are possible"),
+            ));
         }
         self.batch = samples;
         Ok(self)
