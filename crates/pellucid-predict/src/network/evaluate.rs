@@ -44,6 +44,7 @@ pub(super) struct Contents<'a> {
 }
 
 /// The network's outputs at some voxels.
+#[derive(Clone, Default)]
 pub(super) struct Outputs {
     /// `[voxel][channel][output]`.
     pub values: Vec<f32>,
