@@ -192,7 +192,11 @@ fn on_object(
     object.compare(&out, &mut score);
     let near = object.near();
     let mut out = vec![0.0; near.len() * object.object.channels()];
-    let (_, spent) = time(|| bound.predict(&near, DRAW, &mut out, control))?;
+    let (_, spent) = time(|| -> Result<_, Error> {
+        // Nothing changed, but outputs that were kept are forgotten.
+        bound.update(&object.labels, Changed::Tiles(&[]), control)?;
+        Ok(bound.predict(&near, DRAW, &mut out, control)?)
+    })?;
     Ok(Row {
         object: object.name.clone(),
         predictor: name(sharing),
