@@ -1,7 +1,7 @@
 //! Error against run time of the network by what neighbouring points share, beside the path tracer.
 //!
-//! `cargo bench -p pellucid-benches --bench sharing`: few volumes and a small ball, in minutes; `-- --full` for all of
-//! `docs/results/sharing`: held-out volumes, a ball of 20 mm, and the refined labels of three models.
+//! `cargo bench -p pellucid-benches --bench sharing`: few volumes and a small ball, in minutes; `-- --full` for held-out
+//! volumes, a ball of 20 mm, and the refined labels of three models.
 
 mod objects;
 mod report;
