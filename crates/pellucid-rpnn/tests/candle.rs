@@ -158,30 +158,32 @@ fn radiance_is_composed_as_by_the_head() {
 #[test]
 fn optimisers_of_candle_nn_train_it() {
     for variant in [Variant::SharedLevels, Variant::SharedLevelsAndOctants] {
-        let start = weights(variant, Head::Radiance, 6);
+        let start = weights(variant, Head::FirstFlight, 6);
         let (map, rpnn) = rpnn(&start);
-        let n = 32;
+        let n = 16;
         let (mut x, mut labels) = (vec![0.0; n * INPUTS], vec![0.0; n]);
         let batch = Batch { stencils: &mut x, flights: &mut [], radiance: &mut labels };
         Surfaces.batch(0, batch).unwrap();
         let x = Tensor::from_vec(x, (n, LEVELS, LEVEL_INPUTS), &Device::Cpu).unwrap();
-        let labels = Tensor::from_vec(labels, n, &Device::Cpu).unwrap();
-        let inputs = InputLayer::new(
-            InputForm { transform: FeatureTransform::Log, ..Default::default() },
-            DType::F32,
-            &Device::Cpu,
-        )
-        .unwrap();
-        let inputs = inputs.forward(&x).unwrap();
-        let loss = || (rpnn.forward(&inputs).unwrap() - &labels).unwrap().sqr().unwrap().mean_all().unwrap();
+        let labels = Tensor::from_vec(labels, (n, 1), &Device::Cpu).unwrap();
+        let form = InputForm { transform: FeatureTransform::Log, ..Default::default() };
+        let inputs = InputLayer::new(form, DType::F32, &Device::Cpu).unwrap().forward(&x).unwrap();
+        let loss = || {
+            let outputs = rpnn.forward(&inputs).unwrap();
+            outputs.broadcast_sub(&labels).unwrap().sqr().unwrap().mean_all().unwrap()
+        };
         let before = loss().to_scalar::<f32>().unwrap();
-        let parameters = ParamsAdamW { lr: 3e-4, ..Default::default() };
+        let parameters = ParamsAdamW { lr: 2e-4, weight_decay: 0.0, ..Default::default() };
         let mut optimiser = AdamW::new(map.all_vars(), parameters).unwrap();
-        for _ in 0..40 {
-            optimiser.backward_step(&loss()).unwrap();
-        }
+        let losses: Vec<f32> = (0..30)
+            .map(|_| {
+                let loss = loss();
+                optimiser.backward_step(&loss).unwrap();
+                loss.to_scalar().unwrap()
+            })
+            .collect();
         let after = loss().to_scalar::<f32>().unwrap();
-        assert!(after < 0.3 * before, "{variant:?}: {before} {after}");
+        assert!(after < 0.5 * before, "{variant:?}: {before} {after} {losses:?}");
         let trained = rpnn.weights().unwrap();
         for layer in &start.layout().layers {
             for range in [layer.weight.clone(), layer.bias.clone()].into_iter().filter(|r| !r.is_empty()) {

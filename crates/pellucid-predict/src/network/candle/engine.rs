@@ -74,7 +74,7 @@ impl Evaluator for Engine {
         let mut all =
             Outputs { values: vec![0.0; voxels.len() * row], outside: vec![false; voxels.len() * channels] };
         let mut done = 0;
-        let produce = |batch: usize| {
+        let produce = |batch: usize| -> Result<Batch, PredictError> {
             control.check()?;
             let near: Vec<[u32; 3]> = batches[batch].iter().map(|&i| voxels[i as usize]).collect();
             let made = self.extract(&stencils, &near)?;
@@ -85,7 +85,7 @@ impl Evaluator for Engine {
             done += near.len() as u64;
             Ok(made)
         };
-        let consume = |batch: usize, made: Batch| {
+        let consume = |batch: usize, made: Batch| -> Result<(), PredictError> {
             let values = self.compute(made.stencils).map_err(|e| PredictError::failed("rpnn", e))?;
             let rows = values.chunks_exact(row).zip(made.outside.chunks_exact(channels));
             for (&i, (values, outside)) in batches[batch].iter().zip(rows) {

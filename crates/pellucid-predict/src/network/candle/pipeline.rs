@@ -30,9 +30,12 @@ pub(super) fn run<T: Send, E: Send>(
         let mut produced = Ok(());
         for batch in 0..count {
             match produce(batch) {
-                Ok(made) if sender.send(made).is_ok() => {}
-                // Nobody takes batches any more: the consumer's error says why.
-                Ok(_) => break,
+                Ok(made) => {
+                    if sender.send(made).is_err() {
+                        // Nobody takes batches any more: the consumer's error says why.
+                        break;
+                    }
+                }
                 Err(error) => {
                     produced = Err(error);
                     break;
