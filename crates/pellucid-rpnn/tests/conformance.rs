@@ -6,7 +6,7 @@ use common::{inputs, weights};
 use pellucid_rpnn::variant::{
     CELLS_XYZ, FEATURES, Head, INPUTS, LEVEL_INPUTS, LEVELS, OCTANT_INPUTS, OCTANTS, octant_gather,
 };
-use pellucid_rpnn::{Network, Precision, Variant, Weights};
+use pellucid_rpnn::{InstructionSet, Network, Precision, Variant, Weights};
 
 /// The design's table written out directly, one sample in f64.
 fn naive(weights: &Weights, sample: &[f32]) -> f64 {
@@ -67,17 +67,17 @@ fn forward_agrees_with_the_naive_network() {
         let x = inputs(6, 1);
         let mut network = Network::new(variant, Head::Radiance, 8, Precision::F32).unwrap();
         network.load(&weights).unwrap();
-        let mut out = vec![0.0; 6];
-        network.forward(&x, &mut out).unwrap();
-        for (i, sample) in x.chunks_exact(INPUTS).enumerate() {
-            let truth = naive(&weights, sample);
-            assert!(truth > 0.01, "{variant:?}: a dead output proves nothing");
-            // f32 rounding over sums of 480 terms and nine levels.
-            assert!(
-                (f64::from(out[i]) - truth).abs() < 2e-5 * (1.0 + truth),
-                "{variant:?} {} {truth}",
-                out[i]
-            );
+        let truths: Vec<f64> = x.chunks_exact(INPUTS).map(|sample| naive(&weights, sample)).collect();
+        assert!(truths.iter().all(|&truth| truth > 0.01), "{variant:?}: a dead output proves nothing");
+        for set in InstructionSet::available() {
+            network = network.with_instruction_set(set).unwrap();
+            let mut out = vec![0.0; 6];
+            network.forward(&x, &mut out).unwrap();
+            for (out, truth) in out.iter().zip(&truths) {
+                // f32 rounding over sums of 480 terms and nine levels.
+                let difference = (f64::from(*out) - truth).abs();
+                assert!(difference < 2e-5 * (1.0 + truth), "{variant:?} {set} {out} {truth}");
+            }
         }
     }
 }
