@@ -143,40 +143,55 @@ impl<'a> Work<'a> {
                 left = left.wrapping_add(self.step_stride);
                 right = right.wrapping_add(PANEL);
             }
-            for i in 0..M {
-                self.finish::<L>(tile.row + i, tile.col, sums[i]);
-            }
+            self.finish::<L, M>(tile, sums);
         }
     }
 
     /// # Safety
-    /// Needs the instructions of the form; the row and the first column must lie within the output.
+    /// As [`Work::tile`].
     #[inline(always)]
-    unsafe fn finish<L: Lanes>(&self, row: usize, first: usize, sums: [L::Sums; VECTORS]) {
-        for (i, sum) in sums.into_iter().enumerate() {
-            let col = first + L::LANES * i;
-            if col >= self.cols {
-                return;
+    unsafe fn finish<L: Lanes, const M: usize>(&self, tile: Tile, mut sums: [[L::Sums; VECTORS]; M]) {
+        let Tile { row, col, .. } = tile;
+        // Values past the last column are neither read nor written.
+        let counts: [usize; VECTORS] = std::array::from_fn(|v| self.cols.saturating_sub(col + v * L::LANES));
+        let at = |i: usize, v: usize| (row + i) * self.cols + col + v * L::LANES;
+        // SAFETY: the output and the finish have these rows, and as many columns as are counted.
+        unsafe {
+            if !self.add.is_null() {
+                for i in 0..M {
+                    for v in 0..VECTORS {
+                        let summand = L::load(self.add.wrapping_add(at(i, v)), counts[v]);
+                        sums[i][v] = L::add(sums[i][v], summand);
+                    }
+                }
             }
-            let count = self.cols - col;
-            let at = row * self.cols + col;
-            // SAFETY: the output and the finish have the row; values past the last column are neither read nor
-            // written.
-            unsafe {
-                let mut v = sum;
-                if !self.add.is_null() {
-                    v = L::add(v, L::load(self.add.add(at), count));
+            if let Some(bias) = self.finish.bias {
+                for v in 0..VECTORS {
+                    let bias = L::load(bias.as_ptr().wrapping_add(col + v * L::LANES), counts[v]);
+                    for i in 0..M {
+                        sums[i][v] = L::add(sums[i][v], bias);
+                    }
                 }
-                if let Some(bias) = self.finish.bias {
-                    v = L::add(v, L::load(bias.as_ptr().add(col), count));
+            }
+            if self.finish.relu {
+                for i in 0..M {
+                    for v in 0..VECTORS {
+                        sums[i][v] = L::relu(sums[i][v]);
+                    }
                 }
-                if self.finish.relu {
-                    v = L::relu(v);
+            }
+            if let Some(mask) = self.finish.mask {
+                for i in 0..M {
+                    for v in 0..VECTORS {
+                        let mask = L::load(mask.as_ptr().wrapping_add(at(i, v)), counts[v]);
+                        sums[i][v] = L::keep(sums[i][v], mask);
+                    }
                 }
-                if let Some(mask) = self.finish.mask {
-                    v = L::keep(v, L::load(mask.as_ptr().add(at), count));
+            }
+            for i in 0..M {
+                for v in 0..VECTORS {
+                    L::store(self.out.wrapping_add(at(i, v)), counts[v], sums[i][v]);
                 }
-                L::store(self.out.add(at), count, v);
             }
         }
     }
