@@ -1,7 +1,7 @@
 //! One object under the network.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pellucid_core::Control;
 use pellucid_rpnn::variant::Head;
@@ -9,10 +9,8 @@ use pellucid_stencil::{FirstFlight, FirstFlights};
 use pellucid_voxel::{CountSat, LabelGrid, Surface};
 use rayon::prelude::*;
 
-use super::Network;
-use super::evaluate::{Contents, Engine, Outputs};
+use super::evaluate::{Contents, Evaluator, Outputs};
 use super::nodes::{Blend, Nodes};
-use super::trained_range::TrainedRange;
 use crate::labels::{KeptLabels, Update};
 use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError, Sharing};
 
@@ -22,9 +20,19 @@ const CHUNK: usize = 1024;
 pub(super) struct BoundNetwork {
     object: Arc<Object>,
     sites: Sites,
-    engine: Engine,
+    engine: Box<dyn Evaluator>,
     labels: KeptLabels,
     table: Option<CountSat>,
+    /// Outputs at the fine nodes that were asked for since the last update: a function of the labels alone.
+    kept: Mutex<Arc<Kept>>,
+}
+
+/// Outputs of some fine nodes.
+#[derive(Clone, Default)]
+struct Kept {
+    /// `[node]`; empty before the first.
+    there: Vec<bool>,
+    outputs: Outputs,
 }
 
 /// Where the network is run. Geometry alone decides.
@@ -69,15 +77,17 @@ impl Sites {
 }
 
 impl BoundNetwork {
-    pub(super) fn new(network: &Network, object: Arc<Object>) -> Result<Self, PredictError> {
-        let inference = network.inference()?;
-        let coefficients = Network::coefficients(&object)?;
-        let trained = TrainedRange::new(&network.trained.provenance);
+    pub(super) fn new(
+        engine: Box<dyn Evaluator>,
+        sharing: Option<Sharing>,
+        object: Arc<Object>,
+    ) -> Result<Self, PredictError> {
         Ok(Self {
-            sites: Sites::new(object.surface(), network.sharing, inference.head(), &Control::none())?,
-            engine: Engine::new(inference, coefficients, trained, network.instruction_set),
+            sites: Sites::new(object.surface(), sharing, engine.head(), &Control::none())?,
+            engine,
             labels: KeptLabels::default(),
             table: None,
+            kept: Mutex::default(),
             object,
         })
     }
@@ -101,12 +111,44 @@ impl BoundNetwork {
         let (needed, place) = blend.needed(sites.iter().copied());
         let places: Vec<[u32; 3]> =
             needed.iter().map(|&node| surface.voxels()[nodes.points()[node as usize] as usize]).collect();
-        let coarse = self.engine.coarse(of, *fine, &places, &control.silent())?;
         let shares = |i: u32| {
             let (near, weights) = blend.near(sites[i as usize]);
             (near.map(|node| place[node as usize]), *weights)
         };
-        self.engine.outputs_near(of, *fine, &coarse, &shares, &voxels, control)
+        self.engine.outputs_near(of, *fine, &places, &shares, &voxels, control)
+    }
+
+    /// Outputs at fine nodes, in the order of all; those that are not among `nodes` may be missing.
+    fn node_outputs(
+        &self,
+        labels: &LabelGrid,
+        nodes: &[u32],
+        count: usize,
+        control: &Control<'_>,
+    ) -> Result<Arc<Kept>, PredictError> {
+        let kept = Arc::clone(&self.kept.lock().unwrap_or_else(PoisonError::into_inner));
+        let missing: Vec<u32> =
+            nodes.iter().copied().filter(|&n| !kept.there.get(n as usize).is_some_and(|t| *t)).collect();
+        if missing.is_empty() {
+            return Ok(kept);
+        }
+        // Without the lock: others may find the same nodes meanwhile, with the same values.
+        let found = self.outputs(labels, &missing, control)?;
+        let mut guard = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let all = Arc::make_mut(&mut guard);
+        let channels = self.object.channels();
+        let row = channels * Head::MOST_OUTPUTS;
+        all.there.resize(count, false);
+        all.outputs.values.resize(count * row, 0.0);
+        all.outputs.outside.resize(count * channels, false);
+        let rows = found.values.chunks_exact(row).zip(found.outside.chunks_exact(channels));
+        for (&node, (values, outside)) in missing.iter().zip(rows) {
+            let node = node as usize;
+            all.there[node] = true;
+            all.outputs.values[node * row..][..row].copy_from_slice(values);
+            all.outputs.outside[node * channels..][..channels].copy_from_slice(outside);
+        }
+        Ok(Arc::clone(&guard))
     }
 
     /// First flights of some points, `[point][channel]`.
@@ -143,7 +185,8 @@ impl BoundNetwork {
         control: &Control<'_>,
     ) -> Result<u64, PredictError> {
         let (needed, place) = blend.needed(points.iter().copied());
-        let outputs = self.outputs(labels, &needed, control)?;
+        let kept = self.node_outputs(labels, &needed, place.len(), control)?;
+        let outputs = &kept.outputs;
         let flights = self.flights(labels)?;
         let channels = self.object.channels();
         let row = channels * Head::MOST_OUTPUTS;
@@ -158,11 +201,10 @@ impl BoundNetwork {
                 for (&point, after) in points.iter().zip(after.chunks_exact_mut(row)) {
                     let (near, weights) = blend.near(point);
                     for (&node, &weight) in near.iter().zip(weights) {
-                        let at = place[node as usize] as usize;
-                        let values = &outputs.values[at * row..][..row];
+                        let values = &outputs.values[node as usize * row..][..row];
                         after.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
                     }
-                    let closest = place[near[0] as usize] as usize;
+                    let closest = near[0] as usize;
                     let beyond = &outputs.outside[closest * channels..][..channels];
                     count += beyond.iter().filter(|outside| **outside).count() as u64;
                 }
@@ -183,6 +225,7 @@ impl BoundPredictor for BoundNetwork {
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
         let fits = self.object.check_labels(labels).and_then(|()| self.object.check_solid(labels));
+        *self.kept.get_mut().unwrap_or_else(PoisonError::into_inner) = Arc::default();
         fits.inspect_err(|_| self.labels.forget())?;
         let table = &mut self.table;
         let (materials, silent) = (self.object.materials().len(), control.silent());
