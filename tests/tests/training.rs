@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use pellucid::dataset::{LabelledSet, Recipe, ShapeClass, Split};
+use pellucid::dataset::{Halftone, LabelledSet, Recipe, ShapeClass, Split};
 use pellucid::rpnn::train::{TrainSettings, Trainer};
 use pellucid::rpnn::{Precision, Variant};
 use pellucid::training::{
@@ -22,6 +22,9 @@ fn recipe() -> Recipe {
         std_error: None,
         shapes: vec![(ShapeClass::Sphere, 1.0), (ShapeClass::Cube, 1.0)],
         density,
+        other_inks: None,
+        neighbours: None,
+        halftone: Halftone::Ranked,
     };
     Recipe {
         name: "small".into(),

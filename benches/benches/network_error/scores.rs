@@ -58,9 +58,9 @@ pub fn measure(
     for candidate in candidates {
         let mut inference = candidate.inference()?;
         let mut spent = 0.0;
-        let predicted = set.predictions(CHUNK, control, |stencils, out| {
+        let predicted = set.predictions(CHUNK, control, |stencils, flights, out| {
             let start = seconds();
-            inference.radiance(stencils, out)?;
+            inference.radiance(stencils, flights, out)?;
             spent += seconds() - start;
             Ok::<_, Error>(())
         })?;

@@ -32,6 +32,9 @@ pub struct Args {
     /// Architecture
     #[arg(long, value_enum, default_value_t = Variant::Lo)]
     variant: Variant,
+    /// What the network's last layer gives
+    #[arg(long, value_enum, default_value_t = Head::FirstFlight)]
+    head: Head,
     /// Level of the stencil that the network reads first
     #[arg(long, value_enum, default_value_t = Order::CoarseToFine)]
     order: Order,
@@ -69,6 +72,9 @@ pub struct Args {
     /// Volumes whose samples are shuffled together
     #[arg(long, default_value_t = 64)]
     window: u32,
+    /// Times that each sample is used, mirrored otherwise each time
+    #[arg(long, default_value_t = 2)]
+    passes: u32,
     /// Threads that make samples beside the one that trains
     #[arg(long, default_value_t = 1)]
     threads: usize,
@@ -100,6 +106,24 @@ impl Variant {
             Self::L => V::SharedLevels,
             Self::O => V::SharedOctants,
             Self::Lo => V::SharedLevelsAndOctants,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Head {
+    /// Radiance, as in the paper
+    Radiance,
+    /// What follows the first collision, which is integrated exactly: the default
+    FirstFlight,
+}
+
+impl Head {
+    fn network(self) -> pellucid::rpnn::variant::Head {
+        use pellucid::rpnn::variant::Head as H;
+        match self {
+            Self::Radiance => H::Radiance,
+            Self::FirstFlight => H::FirstFlight,
         }
     }
 }
@@ -170,6 +194,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let defaults = set.options(trainer.settings().batch, trainer.settings().seed)?;
     let options = StreamOptions {
         window: args.window,
+        passes: args.passes,
         points: args.points.unwrap_or(defaults.points),
         spp: args.spp.unwrap_or(defaults.spp),
         threads: args.threads,
@@ -228,6 +253,8 @@ fn start_or_resume(args: &Args) -> Result<Trainer, TrainingError> {
     Ok(Trainer::new(TrainSettings {
         form: InputForm { order: args.order.network(), ..defaults.form },
         variant: args.variant.network(),
+        head: args.head.network(),
+        mean_output: args.head.network().mean_output(),
         steps,
         // A trial of a few steps warms up for fewer.
         warm_up: defaults.warm_up.min(steps / 4),

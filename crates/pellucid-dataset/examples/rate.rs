@@ -14,7 +14,7 @@ fn main() {
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().unwrap();
     let materials = MaterialTable::cmykw();
     let control = Control::none();
-    let blue = volume::texture::halftone_noise(recipe.pitch);
+    let blue = volume::texture::BlueNoise::new(split.halftone, recipe.pitch);
     let mut sums = [0.0; 6];
     for v in 0..volumes {
         let mut t = [0.0; 6];

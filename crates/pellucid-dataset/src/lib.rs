@@ -25,7 +25,8 @@
 //! let file = generate(folder.path(), &header, &Control::none())?;
 //! let set = LabelledSet::load(&[file], &Control::none())?;
 //! // A predictor that sees nothing.
-//! let grey = |_: &[f32], radiance: &mut [f32]| {
+//! use pellucid_stencil::FirstFlight;
+//! let grey = |_: &[f32], _: &[FirstFlight], radiance: &mut [f32]| {
 //!     radiance.fill(0.5);
 //!     Ok(())
 //! };
@@ -49,5 +50,5 @@ pub use labels::{
     Errors, HalfStencils, Judgement, LabelledSet, Labelling, STENCIL_VALUES, Sampler, Samples, SetHeader,
     SetInfo, Shard, StoredVolumes, generate, info, judge, verify,
 };
-pub use recipe::{Recipe, ShapeClass, Split};
+pub use recipe::{Halftone, Neighbours, OtherInks, Recipe, ShapeClass, Split};
 pub use stream::{Stream, StreamOptions};

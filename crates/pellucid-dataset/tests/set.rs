@@ -4,9 +4,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use pellucid_dataset::{
-    DatasetError, Errors, Judgement, LabelledSet, Recipe, STENCIL_VALUES, SetHeader, ShapeClass, Shard,
-    Split, generate, info, judge, verify,
+    DatasetError, Errors, Halftone, Judgement, LabelledSet, Recipe, STENCIL_VALUES, SetHeader, ShapeClass,
+    Shard, Split, generate, info, judge, verify,
 };
+use pellucid_stencil::FirstFlight;
 use pellucid_voxel::{Control, MaterialTable, Pitch};
 use proptest::prelude::*;
 
@@ -19,6 +20,9 @@ fn header(shard: Shard) -> SetHeader {
         std_error,
         shapes: vec![(ShapeClass::Slab, 1.0), (ShapeClass::Star, 1.0), (ShapeClass::Gyroid, 1.0)],
         density: 1.0,
+        other_inks: None,
+        neighbours: None,
+        halftone: Halftone::Ranked,
     };
     let recipe = Recipe {
         name: "test".into(),
@@ -85,7 +89,8 @@ fn predictions_are_asked_for_in_order() {
     let set = LabelledSet::label(&header(Shard::WHOLE), &none()).unwrap();
     let mut seen = 0;
     let predicted = set
-        .predictions(7, &none(), |stencils, out| {
+        .predictions(7, &none(), |stencils, flights, out| {
+            assert_eq!(flights, &set.flights()[seen..seen + out.len()]);
             let mut own = vec![0.0; stencils.len()];
             set.stencils(seen, &mut own);
             assert_eq!((own, out.len()), (stencils.to_vec(), 7.min(45 - seen)));
@@ -158,17 +163,17 @@ fn a_predictor_gets_every_stencil_once_in_order() {
     let mut all = vec![0.0; set.len() * STENCIL_VALUES];
     set.stencils(0, &mut all);
     let predicted: Vec<f32> = all.chunks_exact(STENCIL_VALUES).map(of_stencil).collect();
-    let predict = |stencils: &[f32], out: &mut [f32]| {
+    let predict = |stencils: &[f32], _: &[FirstFlight], out: &mut [f32]| {
         stencils.chunks_exact(STENCIL_VALUES).zip(out).for_each(|(s, out)| *out = of_stencil(s));
         Ok(())
     };
     assert_eq!(judge(&set, predict, &none()).unwrap(), Judgement::of(&set, &predicted).unwrap());
-    let fails = |_: &[f32], _: &mut [f32]| Err("out of order".into());
+    let fails = |_: &[f32], _: &[FirstFlight], _: &mut [f32]| Err("out of order".into());
     let error = judge(&set, fails, &none()).unwrap_err();
     assert!(pellucid_core::chain(&error).ends_with("failed: out of order"), "{error}");
     let stop = AtomicBool::new(false);
     let calls = std::cell::Cell::new(0);
-    let stopping = |_: &[f32], _: &mut [f32]| {
+    let stopping = |_: &[f32], _: &[FirstFlight], _: &mut [f32]| {
         calls.set(calls.get() + 1);
         stop.store(true, Ordering::Relaxed);
         Ok(())

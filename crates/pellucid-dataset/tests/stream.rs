@@ -3,11 +3,12 @@
 use std::sync::atomic::AtomicBool;
 
 use pellucid_dataset::volume::fill;
-use pellucid_dataset::volume::texture::halftone_noise;
+use pellucid_dataset::volume::texture::BlueNoise;
 use pellucid_dataset::{
-    DatasetError, LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass, Shard,
-    Split, StoredVolumes, Stream, StreamOptions, generate,
+    DatasetError, Halftone, LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass,
+    Shard, Split, StoredVolumes, Stream, StreamOptions, generate,
 };
+use pellucid_stencil::FirstFlight;
 use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, MaterialTable, Pitch, Surface, SurfaceOptions};
 
@@ -20,6 +21,9 @@ fn recipe() -> Recipe {
         std_error: None,
         shapes: vec![(ShapeClass::Slab, 2.0), (ShapeClass::Tube, 1.0), (ShapeClass::Sphere, 1.0)],
         density,
+        other_inks: None,
+        neighbours: None,
+        halftone: Halftone::Ranked,
     };
     Recipe {
         name: "test".into(),
@@ -41,11 +45,13 @@ fn stream(options: StreamOptions) -> Stream {
     Stream::new(&recipe(), "train", &MaterialTable::cmykw(), options).unwrap()
 }
 
-fn batch(stream: &mut Stream, index: u64) -> (Vec<f32>, Vec<f32>) {
+/// Stencils, flights and radiance.
+fn batch(stream: &mut Stream, index: u64) -> (Vec<f32>, Vec<FirstFlight>, Vec<f32>) {
     let batch = stream.options().batch;
     let (mut stencils, mut radiance) = (vec![f32::NAN; batch * STENCIL_VALUES], vec![f32::NAN; batch]);
-    stream.batch(index, &mut stencils, &mut radiance, &Control::none()).unwrap();
-    (stencils, radiance)
+    let mut flights = vec![FirstFlight::default(); batch];
+    stream.batch(index, &mut stencils, &mut flights, &mut radiance, &Control::none()).unwrap();
+    (stencils, flights, radiance)
 }
 
 #[test]
@@ -62,7 +68,7 @@ fn a_batch_depends_on_its_index_only() {
         assert!(batch(&mut resumed, i) == expected[i as usize], "batch {i}");
     }
     for (i, a) in expected.iter().enumerate() {
-        assert!(a.1.iter().all(|r| (0.0..=1.0).contains(r)) && a.0.iter().all(|v| v.is_finite()));
+        assert!(a.2.iter().all(|r| (0.0..=1.0).contains(r)) && a.0.iter().all(|v| v.is_finite()));
         assert!(expected[i + 1..].iter().all(|b| a != b), "batch {i} comes twice");
     }
 }
@@ -86,7 +92,7 @@ fn every_sample_of_a_block_comes_once() {
     // Block 1 lies in windows 0 and 1.
     let mut found = Vec::new();
     for window in 0..2 {
-        let (stencils, radiance) = batch(&mut stream, window);
+        let (stencils, _, radiance) = batch(&mut stream, window);
         for (stencil, radiance) in stencils.chunks_exact(STENCIL_VALUES).zip(radiance) {
             found.push((stencil.iter().map(|v| v.to_bits()).collect::<Vec<_>>(), radiance.to_bits()));
         }
@@ -110,7 +116,8 @@ fn a_sample_is_what_its_volume_says() {
         let stencils = samples.stencils.to_f32();
 
         let (shape, texture) = recipe.draw(recipe.split(split).unwrap(), 1, 5);
-        let grid = fill(&shape, &texture, recipe.pitch, &halftone_noise(recipe.pitch)).unwrap();
+        let grid =
+            fill(&shape, &texture, recipe.pitch, &BlueNoise::new(Halftone::Ranked, recipe.pitch)).unwrap();
         let density = if split == "dense" { 4.0 } else { 1.0 };
         for (point, voxel) in samples.voxels.iter().enumerate() {
             for channel in 0..3 {
@@ -176,7 +183,7 @@ fn a_stored_set_comes_over_and_over_in_other_orders() {
     let mut counts = vec![0; known.len()];
     let mut orders = Vec::new();
     for window in 0..16 {
-        let (stencils, radiance) = batch(&mut stream, window);
+        let (stencils, _, radiance) = batch(&mut stream, window);
         for (stencil, radiance) in stencils.chunks_exact(STENCIL_VALUES).zip(&radiance) {
             let sample = key(stencil, *radiance);
             counts[known.iter().position(|k| *k == sample).expect("a label of the set")] += 1;
@@ -186,7 +193,7 @@ fn a_stored_set_comes_over_and_over_in_other_orders() {
     }
     // Eight turns, of which half of the first and of the last block are left out.
     assert!(counts.iter().all(|n| (6..=10).contains(n)), "{counts:?}");
-    assert_eq!(batch(&mut stored(), 11).1, orders[11]);
+    assert_eq!(batch(&mut stored(), 11).2, orders[11]);
 }
 
 /// Mean sigma_s and sigma_a over one cell, summed voxel by voxel with weights.
@@ -231,6 +238,7 @@ fn refuses_bad_arguments_and_stops_when_asked() {
         (StreamOptions { batch: 1000, ..options() }, "window"),
         (StreamOptions { window: 3, ..options() }, "window"),
         (StreamOptions { points: u32::MAX, window: u32::MAX - 1, ..options() }, "window"),
+        (StreamOptions { passes: 0, ..options() }, "passes"),
         (StreamOptions { threads: 0, ..options() }, "threads"),
     ] {
         assert!(refused(options).to_string().contains(field));
@@ -238,12 +246,13 @@ fn refuses_bad_arguments_and_stops_when_asked() {
     assert!(Stream::new(&recipe(), "nowhere", &materials, options()).is_err());
     let mut stream = stream(options());
     let mut buffers = (vec![0.0; 16 * STENCIL_VALUES], vec![0.0; 16]);
-    assert!(stream.batch(0, &mut buffers.0, &mut [0.0; 15], &Control::none()).is_err());
-    assert!(stream.batch(u64::MAX, &mut buffers.0, &mut buffers.1, &Control::none()).is_err());
+    let mut flights = vec![FirstFlight::default(); 16];
+    assert!(stream.batch(0, &mut buffers.0, &mut flights, &mut [0.0; 15], &Control::none()).is_err());
+    assert!(stream.batch(u64::MAX, &mut buffers.0, &mut flights, &mut buffers.1, &Control::none()).is_err());
     let stop = AtomicBool::new(true);
     let control = Control::none().with_cancel(&stop);
-    let result = stream.batch(7, &mut buffers.0, &mut buffers.1, &control);
+    let result = stream.batch(7, &mut buffers.0, &mut flights, &mut buffers.1, &control);
     assert!(matches!(result, Err(DatasetError::Cancelled)));
     // It goes on afterwards.
-    stream.batch(7, &mut buffers.0, &mut buffers.1, &Control::none()).unwrap();
+    stream.batch(7, &mut buffers.0, &mut flights, &mut buffers.1, &Control::none()).unwrap();
 }

@@ -1,23 +1,35 @@
-//! How neighbouring points share what the network makes of their coarse surroundings.
+//! How neighbouring points share what the network makes of their surroundings.
 
 use crate::PredictError;
 
-/// Points of one cubic block of voxels take the coarse levels of the stencil about the block's central voxel, and their
-/// own finest levels. This leaves out most of the work, since coarse cells hardly differ between neighbours;
-/// `docs/results/network_error` has what it costs in accuracy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+/// Which work of the network neighbouring points share; `docs/results/network_error` has what it costs in accuracy.
+///
+/// A network with an exact first flight is run for points some way apart, and the others take its outputs between them:
+/// what follows the first collision varies slowly over the surface, and every point's own first flight is exact. A
+/// network that gives radiance itself is run for every point.
+///
+/// Wherever it is run, the coarse levels of the stencil can be those of the central voxel of a block of voxels, since
+/// coarse cells hardly differ between neighbours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(deny_unknown_fields, default)
+)]
 pub struct Sharing {
-    /// Finest levels that every point has for itself, 1 to 8.
+    /// About how far apart in mm the points are for which a network with an exact first flight is run; 0 runs it for
+    /// every point.
+    pub spacing_mm: f64,
+    /// Finest levels that every point it is run for has for itself, 1 to 9; 9 shares none.
     pub fine_levels: usize,
-    /// Edge of a block in voxels, odd.
+    /// Edge in voxels of the blocks that share the other levels, odd.
     pub block: u32,
 }
 
 impl Default for Sharing {
-    /// Three levels of their own, the coarser ones shared by blocks of 5³ voxels.
+    /// Every 0.25 mm; three levels of their own, the coarser ones shared by blocks of 5³ voxels.
     fn default() -> Self {
-        Self { fine_levels: 3, block: 5 }
+        Self { spacing_mm: 0.25, fine_levels: 3, block: 5 }
     }
 }
 
@@ -27,13 +39,25 @@ impl Sharing {
     /// # Errors
     /// [`PredictError::Invalid`] otherwise.
     pub fn check(self) -> Result<(), PredictError> {
-        if self.block.is_multiple_of(2) || self.block > 255 || !(1..=8).contains(&self.fine_levels) {
+        if !(0.0..=5.0).contains(&self.spacing_mm) {
+            return Err(PredictError::invalid(
+                "sharing, spacing_mm",
+                format!("{}; 0 to 5 are possible", self.spacing_mm),
+            ));
+        }
+        if self.block.is_multiple_of(2) || self.block > 255 || !(1..=9).contains(&self.fine_levels) {
             return Err(PredictError::invalid(
                 "sharing",
-                format!("{self:?}; blocks have odd edges up to 255, fine levels are 1 to 8"),
+                format!("{self:?}; blocks have odd edges up to 255, fine levels are 1 to 9"),
             ));
         }
         Ok(())
+    }
+
+    /// Whether some levels are shared.
+    #[cfg(feature = "rpnn")]
+    pub(crate) fn shares_levels(self) -> bool {
+        self.fine_levels < 9
     }
 
     /// The central voxel of a voxel's block, within a grid of `size`.

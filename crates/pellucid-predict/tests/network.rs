@@ -109,7 +109,7 @@ fn blocks_of_one_voxel_share_with_nobody_and_larger_ones_hardly_matter() {
     let sharing = |s| network(provenance()).with_sharing(s);
     let whole = predict(&sharing(None).unwrap(), &grid, &object, &points);
     for fine_levels in [1, 4, 8] {
-        let alone = Some(Sharing { fine_levels, block: 1 });
+        let alone = Some(Sharing { spacing_mm: 0.0, fine_levels, block: 1 });
         assert_eq!(predict(&sharing(alone).unwrap(), &grid, &object, &points), whole);
     }
     let difference = |s: Sharing| {
@@ -120,16 +120,18 @@ fn blocks_of_one_voxel_share_with_nobody_and_larger_ones_hardly_matter() {
     };
     // Six own levels see 160 voxels along x, and blocks of three move the rest by one voxel; with one own level and
     // blocks of fifteen a point sees little but its block's surroundings.
-    let (little, much) =
-        (difference(Sharing { fine_levels: 6, block: 3 }), difference(Sharing { fine_levels: 1, block: 15 }));
+    let (little, much) = (
+        difference(Sharing { spacing_mm: 0.0, fine_levels: 6, block: 3 }),
+        difference(Sharing { spacing_mm: 0.0, fine_levels: 1, block: 15 }),
+    );
     assert!(little > 0.0 && little < 0.1 && much > 2.0 * little, "{little} {much}");
-    for (fine_levels, block) in [(0, 3), (9, 3), (4, 2), (4, 0)] {
-        assert!(sharing(Some(Sharing { fine_levels, block })).is_err());
+    for (fine_levels, block) in [(0, 3), (10, 3), (4, 2), (4, 0)] {
+        assert!(sharing(Some(Sharing { spacing_mm: 0.0, fine_levels, block })).is_err());
     }
     let mut paper = provenance();
     paper.form.order = LevelOrder::FineToCoarse;
     assert!(network(paper.clone()).with_sharing(Some(Sharing::default())).is_err());
-    assert_eq!(network(paper.clone()).sharing(), None);
+    assert_eq!(network(paper.clone()).sharing().unwrap().fine_levels, 9);
     predict(&network(paper), &grid, &object, &points);
 }
 

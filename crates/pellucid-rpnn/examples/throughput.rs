@@ -7,7 +7,7 @@ use std::time::Instant;
 use candle_core::{Device, Tensor};
 use pellucid_rpnn::adamw::{AdamW, AdamWSettings};
 use pellucid_rpnn::reference::CandleNetwork;
-use pellucid_rpnn::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use pellucid_rpnn::variant::{Head, INPUTS, LEVEL_INPUTS, LEVELS};
 use pellucid_rpnn::{Network, Precision, Variant, Weights};
 
 const BATCH: usize = 256;
@@ -35,8 +35,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for variant in Variant::ALL {
         let mut row = Vec::new();
         for precision in [Precision::F32, Precision::Bf16] {
-            let mut weights = Weights::initial(variant, 1, 0.5);
-            let mut network = Network::new(variant, BATCH, precision)?;
+            let mut weights = Weights::initial(variant, Head::Radiance, 1, 0.5);
+            let mut network = Network::new(variant, Head::Radiance, BATCH, precision)?;
             network.load(&weights)?;
             let (mut out, mut d_out) = (vec![0.0; BATCH], vec![0.0; BATCH]);
             row.push(rate(5, || network.forward(&inputs, &mut out).expect("shapes agree")));
@@ -49,11 +49,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     *d = 2.0 * (o - l) / BATCH as f32;
                 }
                 gradient.fill(0.0);
-                network.backward(&out, &d_out, &mut gradient).expect("shapes agree");
+                network.backward(&d_out, &mut gradient).expect("shapes agree");
                 adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
             }));
         }
-        let model = CandleNetwork::new(&Weights::initial(variant, 1, 0.5))?;
+        let model = CandleNetwork::new(&Weights::initial(variant, Head::Radiance, 1, 0.5))?;
         let x = Tensor::from_slice(&inputs, (BATCH, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
         let y = Tensor::from_slice(&labels, BATCH, &Device::Cpu)?;
         row.push(rate(3, || drop(model.forward(&x).expect("shapes agree"))));

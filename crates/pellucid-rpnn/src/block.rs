@@ -30,11 +30,6 @@ impl Level {
     }
 }
 
-/// The derivative that passes an output's ReLU: see [`Network::backward`](crate::Network::backward).
-pub(crate) fn through_output(out: f32, d_out: f32) -> f32 {
-    if out > 0.0 { d_out } else { d_out.min(0.0) }
-}
-
 /// Rows and row width of the layers that octants share, for `n` samples.
 pub(crate) fn end_shape(variant: Variant, n: usize) -> (usize, usize) {
     if variant.shares_octants() { (n * OCTANTS, OCTANT_INPUTS) } else { (n, LEVEL_INPUTS) }

@@ -7,7 +7,7 @@ use pellucid_core::files::{read_bounded, write_whole_bytes};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
 use crate::transform::InputForm;
-use crate::variant::{CELLS_XYZ, LEVELS};
+use crate::variant::{CELLS_XYZ, Head, LEVELS};
 use crate::{RpnnError, Variant, Weights};
 
 /// What a weights file was trained for.
@@ -108,6 +108,7 @@ fn to_bytes(weights: &Weights, provenance: &Provenance) -> Result<Vec<u8>, Strin
     let header = serde_json::json!({
         "format": FORMAT,
         "variant": weights.variant().name(),
+        "head": weights.head().name(),
         "stencil": stencil(),
         "provenance": provenance,
     });
@@ -154,10 +155,17 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<TrainedNetwork, RpnnError> {
     }
     let variant = Variant::from_name(&field("variant"))
         .ok_or_else(|| unsupported("variant", "baseline, L, O and L+O"))?;
+    // Files of before there was a choice have no such field.
+    let head = match &fields["head"] {
+        serde_json::Value::Null => Head::Radiance,
+        _ => {
+            Head::from_name(&field("head")).ok_or_else(|| unsupported("head", "radiance and first-flight"))?
+        }
+    };
     let provenance: Provenance = serde_json::from_value(fields["provenance"].clone())
         .map_err(|_| unsupported("provenance", "a complete record"))?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(e.to_string()))?;
-    let mut weights = Weights::zeros(variant);
+    let mut weights = Weights::zeros(variant, head);
     let layout = weights.layout().clone();
     for layer in &layout.layers {
         let mut read = |suffix: &str, shape: &[usize], range: std::ops::Range<usize>| {
@@ -180,7 +188,8 @@ pub fn parse(name: &Path, bytes: &[u8]) -> Result<TrainedNetwork, RpnnError> {
             read("bias", &[layer.outputs], layer.bias.clone())?;
         }
     }
-    let weights = Weights::new(variant, weights.values().to_vec()).map_err(|e| damaged(e.to_string()))?;
+    let weights =
+        Weights::new(variant, head, weights.values().to_vec()).map_err(|e| damaged(e.to_string()))?;
     Ok(TrainedNetwork { weights, provenance })
 }
 
@@ -213,9 +222,9 @@ mod tests {
     #[test]
     fn round_trip_is_exact() {
         let folder = tempfile::tempdir().unwrap();
-        for variant in Variant::ALL {
+        for (variant, head) in Variant::ALL.into_iter().flat_map(|v| Head::ALL.map(|h| (v, h))) {
             let path = folder.path().join("w.safetensors");
-            let weights = Weights::initial(variant, 9, 0.3);
+            let weights = Weights::initial(variant, head, 9, 0.3);
             save(&path, &weights, &provenance()).unwrap();
             let network = TrainedNetwork { weights: weights.clone(), provenance: provenance() };
             assert_eq!(load(&path).unwrap(), network);
@@ -244,7 +253,7 @@ mod tests {
 
     #[test]
     fn refuses_what_does_not_fit() {
-        let weights = Weights::initial(Variant::SharedLevels, 9, 0.3);
+        let weights = Weights::initial(Variant::SharedLevels, Head::Radiance, 9, 0.3);
         let bytes = to_bytes(&weights, &provenance()).unwrap();
         let name = Path::new("w.safetensors");
         let replaced = |from: &str, to: &str| {

@@ -1,9 +1,9 @@
-//! Radiance of raw stencils, any number of them, on one thread.
+//! Outputs and radiance of raw stencils, any number of them, on one thread.
 
 use pellucid_core::InstructionSet;
 
 use crate::transform::{InputForm, LevelOrder};
-use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use crate::variant::{FirstFlight, Head, INPUTS, LEVEL_INPUTS, LEVELS};
 use crate::{Network, Precision, RpnnError, Weights};
 
 /// Samples of a batch: activations of all levels stay within a core's caches.
@@ -13,14 +13,15 @@ const BATCH: usize = 64;
 ///
 /// ```
 /// use pellucid_rpnn::transform::InputForm;
-/// use pellucid_rpnn::variant::INPUTS;
+/// use pellucid_rpnn::variant::{Head, INPUTS};
 /// use pellucid_rpnn::{Inference, Precision, Variant, Weights};
-/// let weights = Weights::initial(Variant::SharedLevelsAndOctants, 1, 0.4);
+/// let weights = Weights::initial(Variant::SharedLevelsAndOctants, Head::Radiance, 1, 0.4);
 /// let mut inference = Inference::new(&weights, InputForm::default(), Precision::F32).unwrap();
 /// // Two points whose surroundings scatter and absorb alike everywhere: 6 and 0.1 per mm.
 /// let stencils: Vec<f32> = [6.0, 0.1].into_iter().cycle().take(2 * INPUTS).collect();
 /// let mut radiance = [0.0; 2];
-/// inference.radiance(&stencils, &mut radiance).unwrap();
+/// // A network that gives radiance itself needs no first flights.
+/// inference.radiance(&stencils, &[], &mut radiance).unwrap();
 /// assert!(radiance[0] == radiance[1] && radiance[0] >= 0.0);
 /// ```
 #[derive(Debug)]
@@ -66,19 +67,25 @@ impl Inference {
         self.network.instruction_set()
     }
 
-    /// Radiance of each sample; `stencils` holds raw coefficients in 1/mm, `[sample][level][cell z][cell
-    /// y][cell x][sigma_s, sigma_a]`. A sample's value does not depend on the others.
+    /// What the last layer gives.
+    pub fn head(&self) -> Head {
+        self.network.head()
+    }
+
+    /// Outputs of each sample, `out` `[sample][output]` as [`Head`] says; `stencils` holds raw coefficients in 1/mm,
+    /// `[sample][level][cell z][cell y][cell x][sigma_s, sigma_a]`. A sample's values do not depend on the others.
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when the lengths do not agree.
-    pub fn radiance(&mut self, stencils: &[f32], out: &mut [f32]) -> Result<(), RpnnError> {
-        if stencils.len() != out.len() * INPUTS {
+    pub fn outputs(&mut self, stencils: &[f32], out: &mut [f32]) -> Result<(), RpnnError> {
+        let outputs = self.head().outputs();
+        if stencils.len() * outputs != out.len() * INPUTS {
             return Err(RpnnError::invalid(
                 "stencils",
-                format!("{} values for {} samples of {INPUTS}", stencils.len(), out.len()),
+                format!("{} values of {INPUTS} a sample for {} outputs", stencils.len(), out.len()),
             ));
         }
-        for (stencils, out) in stencils.chunks(BATCH * INPUTS).zip(out.chunks_mut(BATCH)) {
+        for (stencils, out) in stencils.chunks(BATCH * INPUTS).zip(out.chunks_mut(BATCH * outputs)) {
             let inputs = &mut self.inputs[..stencils.len()];
             inputs.copy_from_slice(stencils);
             for sample in inputs.as_chunks_mut::<INPUTS>().0 {
@@ -86,6 +93,32 @@ impl Inference {
             }
             self.network.forward(inputs, out)?;
         }
+        Ok(())
+    }
+
+    /// Radiance of each sample from its stencil, ordered as for [`Inference::outputs`], and its first flight, which
+    /// [`Head::Radiance`] does without.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when the lengths do not agree.
+    pub fn radiance(
+        &mut self,
+        stencils: &[f32],
+        flights: &[FirstFlight],
+        out: &mut [f32],
+    ) -> Result<(), RpnnError> {
+        if self.head() == Head::Radiance {
+            return self.outputs(stencils, out);
+        }
+        if flights.len() != out.len() {
+            return Err(RpnnError::invalid(
+                "first flights",
+                format!("{} for {} samples", flights.len(), out.len()),
+            ));
+        }
+        let mut outputs = vec![0.0; out.len() * self.head().outputs()];
+        self.outputs(stencils, &mut outputs)?;
+        self.head().radiance(&outputs, flights, out);
         Ok(())
     }
 }
@@ -134,13 +167,14 @@ impl Inference {
         Ok(CoarseStates { fine, values })
     }
 
-    /// Radiance of samples from their own finest levels and the coarse ones of a place nearby: `stencils` is
+    /// Outputs of samples from their own finest levels and the coarse ones of a place nearby: `stencils` is
     /// `[sample][fine][cell z][cell y][cell x][sigma_s, sigma_a]`, 1/mm, `places` has a position in `states`
-    /// for each sample. With the sample's own stencil as its place, bit for bit [`Inference::radiance`].
+    /// for each sample, `out` is `[sample][output]`. With the sample's own stencil as its place, bit for bit
+    /// [`Inference::outputs`].
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when the lengths do not agree or a place is not there.
-    pub fn radiance_near(
+    pub fn outputs_near(
         &mut self,
         states: &CoarseStates,
         places: &[u32],
@@ -149,22 +183,24 @@ impl Inference {
     ) -> Result<(), RpnnError> {
         let (row, width) = (states.fine * LEVEL_INPUTS, self.network.variant().width());
         let count = states.values.len() / width;
-        if places.len() != out.len() || stencils.len() != out.len() * row {
+        let outputs = self.head().outputs();
+        if places.len() * outputs != out.len() || stencils.len() != places.len() * row {
             return Err(RpnnError::invalid(
                 "stencils and places",
-                format!("{} values and {} places for {} samples", stencils.len(), places.len(), out.len()),
+                format!("{} values and {} places for {} outputs", stencils.len(), places.len(), out.len()),
             ));
         }
         if let Some(place) = places.iter().find(|p| **p as usize >= count) {
             return Err(RpnnError::invalid("places", format!("{place}; there are {count}")));
         }
         self.states.resize(BATCH * width, 0.0);
-        let parts = stencils.chunks(BATCH * row).zip(places.chunks(BATCH)).zip(out.chunks_mut(BATCH));
+        let parts =
+            stencils.chunks(BATCH * row).zip(places.chunks(BATCH)).zip(out.chunks_mut(BATCH * outputs));
         for ((stencils, places), out) in parts {
             let inputs = &mut self.inputs[..stencils.len()];
             inputs.copy_from_slice(stencils);
             inputs.chunks_exact_mut(row).for_each(|sample| self.form.apply_levels(0, sample));
-            let used = &mut self.states[..out.len() * width];
+            let used = &mut self.states[..places.len() * width];
             for (state, &place) in used.chunks_exact_mut(width).zip(places) {
                 state.copy_from_slice(&states.values[place as usize * width..][..width]);
             }
@@ -183,42 +219,46 @@ mod tests {
     #[test]
     fn values_do_not_depend_on_the_company() {
         let variant = Variant::SharedLevelsAndOctants;
-        let weights = Weights::initial(variant, 3, 8.0);
+        let weights = Weights::initial(variant, Head::Radiance, 3, 8.0);
         for precision in [Precision::F32, Precision::Bf16] {
             let mut inference = Inference::new(&weights, InputForm::default(), precision).unwrap();
             let n = BATCH + 37;
             let raw: Vec<f32> = (0..n * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.01).collect();
             let mut together = vec![0.0; n];
-            inference.radiance(&raw, &mut together).unwrap();
+            inference.radiance(&raw, &[], &mut together).unwrap();
             assert!(together.iter().any(|&v| v > 0.0));
             for i in [0, 1, 11, 12, 63, 64, 100] {
                 let mut alone = [0.0];
-                inference.radiance(&raw[i * INPUTS..(i + 1) * INPUTS], &mut alone).unwrap();
+                inference.radiance(&raw[i * INPUTS..(i + 1) * INPUTS], &[], &mut alone).unwrap();
                 assert_eq!(alone[0], together[i], "{precision:?} sample {i}");
             }
-            assert!(inference.radiance(&raw[1..], &mut together).is_err());
+            assert!(inference.radiance(&raw[1..], &[], &mut together).is_err());
         }
     }
 
     #[test]
     fn clones_share_the_weights_and_predict_alike() {
         let variant = Variant::SharedLevelsAndOctants;
-        let first =
-            Inference::new(&Weights::initial(variant, 3, 8.0), InputForm::default(), Precision::F32).unwrap();
+        let first = Inference::new(
+            &Weights::initial(variant, Head::Radiance, 3, 8.0),
+            InputForm::default(),
+            Precision::F32,
+        )
+        .unwrap();
         let mut clone = first.clone();
         assert!(clone.network.shares_with(&first.network));
         // A clone that is used by another thread does not see the first one's buffers.
         let raw: Vec<f32> = (0..2 * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.001).collect();
         let radiance = |mut inference: Inference| {
             let mut out = [0.0; 2];
-            inference.radiance(&raw, &mut out).unwrap();
+            inference.radiance(&raw, &[], &mut out).unwrap();
             out
         };
         let (a, b) = std::thread::scope(|scope| {
             let other = scope.spawn(|| radiance(first.clone()));
             (radiance(first.clone()), other.join().unwrap())
         });
-        clone.radiance(&raw[INPUTS..], &mut [0.0]).unwrap();
+        clone.radiance(&raw[INPUTS..], &[], &mut [0.0]).unwrap();
         assert!(a == b && a == radiance(clone) && a[0] > 0.0, "{a:?} {b:?}");
     }
 
@@ -229,7 +269,7 @@ mod tests {
         let n = 20;
         let raw: Vec<f32> = (0..n * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.001).collect();
         for variant in Variant::ALL {
-            let weights = Weights::initial(variant, 3, 8.0);
+            let weights = Weights::initial(variant, Head::Radiance, 3, 8.0);
             for (precision, tolerance) in [(Precision::F32, 1e-5), (Precision::Bf16, 1e-2)] {
                 let inference = Inference::new(&weights, form, precision).unwrap();
                 let mut results = InstructionSet::available().map(|set| {
@@ -238,7 +278,7 @@ mod tests {
                         on_set.instruction_set() <= set && on_set.network.shares_with(&inference.network)
                     );
                     let mut out = vec![0.0; n];
-                    on_set.radiance(&raw, &mut out).unwrap();
+                    on_set.radiance(&raw, &[], &mut out).unwrap();
                     (set, out)
                 });
                 let (_, portable) = results.next().unwrap();
@@ -257,7 +297,7 @@ mod tests {
 
     #[test]
     fn a_set_that_is_lacking_is_refused() {
-        let weights = Weights::zeros(Variant::SharedLevels);
+        let weights = Weights::zeros(Variant::SharedLevels, Head::Radiance);
         let inference = Inference::new(&weights, InputForm::default(), Precision::F32).unwrap();
         for set in InstructionSet::ALL {
             let result = inference.clone().with_instruction_set(set);
@@ -269,14 +309,14 @@ mod tests {
     #[test]
     fn sharing_with_oneself_changes_no_bit() {
         let variant = Variant::SharedLevelsAndOctants;
-        let weights = Weights::initial(variant, 3, 8.0);
+        let weights = Weights::initial(variant, Head::Radiance, 3, 8.0);
         let form = InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine };
         let n = BATCH + 9;
         let raw: Vec<f32> = (0..n * INPUTS).map(|i| (i * 7919 % 1009) as f32 * 0.01).collect();
         for precision in [Precision::F32, Precision::Bf16] {
             let mut inference = Inference::new(&weights, form, precision).unwrap();
             let mut whole = vec![0.0; n];
-            inference.radiance(&raw, &mut whole).unwrap();
+            inference.radiance(&raw, &[], &mut whole).unwrap();
             for fine in [1, 4, 8] {
                 let finest: Vec<f32> =
                     raw.chunks_exact(INPUTS).flat_map(|s| s[..fine * LEVEL_INPUTS].to_vec()).collect();
@@ -285,13 +325,13 @@ mod tests {
                 let reversed: Vec<f32> = raw.chunks_exact(INPUTS).rev().flatten().copied().collect();
                 let states = inference.coarse_states(fine, &reversed).unwrap();
                 let mut shared = vec![0.0; n];
-                inference.radiance_near(&states, &places, &finest, &mut shared).unwrap();
+                inference.outputs_near(&states, &places, &finest, &mut shared).unwrap();
                 assert_eq!(shared, whole, "{precision:?}, {fine} fine levels");
                 // Another place's surroundings do matter.
-                inference.radiance_near(&states, &vec![0; n], &finest, &mut shared).unwrap();
+                inference.outputs_near(&states, &vec![0; n], &finest, &mut shared).unwrap();
                 assert_ne!(shared, whole);
-                assert!(inference.radiance_near(&states, &vec![n as u32; n], &finest, &mut shared).is_err());
-                assert!(inference.radiance_near(&states, &places, &raw, &mut shared).is_err());
+                assert!(inference.outputs_near(&states, &vec![n as u32; n], &finest, &mut shared).is_err());
+                assert!(inference.outputs_near(&states, &places, &raw, &mut shared).is_err());
             }
             assert!(inference.coarse_states(0, &raw).is_err() && inference.coarse_states(9, &raw).is_err());
         }

@@ -10,17 +10,17 @@
 //! ```
 //!
 //! The first level of the variants without ≡L is o = v. The end maps the last state through three dense
-//! layers; with ≡O each octant's 60 values pass the same layers and the results are summed. ReLU everywhere,
-//! the output too.
+//! layers; with ≡O each octant's 60 values pass the same layers and the results are summed. ReLU everywhere, the
+//! output too where it is the radiance; the outputs of [`Head::FirstFlight`] are plain sums.
 
 use std::ops::Range;
 
 use pellucid_core::InstructionSet;
 
-use crate::block::{Level, backward_block, end_shape, forward_block, through_output};
+use crate::block::{Level, backward_block, end_shape, forward_block};
 use crate::kernel::Add;
 use crate::layers::{End, Layers};
-use crate::variant::{INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::variant::{Head, INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
 use crate::{Precision, RpnnError, Variant, Weights};
 
 /// The network with its weights and the memory of one batch: activations for the backward pass and scratch.
@@ -47,18 +47,18 @@ impl Network {
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] for a batch of 0 or more than 65,536.
-    pub fn new(variant: Variant, batch: usize, precision: Precision) -> Result<Self, RpnnError> {
+    pub fn new(variant: Variant, head: Head, batch: usize, precision: Precision) -> Result<Self, RpnnError> {
         if !(1..=65_536).contains(&batch) {
             return Err(RpnnError::invalid("batch", format!("{batch}; 1 to 65536 are possible")));
         }
         let size = batch * variant.width();
         let levels = variant
-            .layout()
+            .layout(head)
             .blocks
             .iter()
             .map(|block| Level::new(size, block.entry.is_some(), block.bc.is_some()))
             .collect();
-        let layers = Layers::new(Weights::zeros(variant), precision, InstructionSet::chosen());
+        let layers = Layers::new(Weights::zeros(variant, head), precision, InstructionSet::chosen());
         let derivatives = || vec![0.0; size];
         Ok(Self {
             d_state: derivatives(),
@@ -97,11 +97,11 @@ impl Network {
             variant,
             batch,
             gather: std::array::from_fn(octant_gather),
-            layers,
             levels,
             end1: vec![0.0; size],
             end2: vec![0.0; size],
-            terms: vec![0.0; batch * OCTANTS],
+            terms: vec![0.0; batch * OCTANTS * layers.weights().head().outputs()],
+            layers,
             d_state: Vec::new(),
             d_mid: Vec::new(),
             d_next: Vec::new(),
@@ -129,6 +129,11 @@ impl Network {
         self.variant
     }
 
+    /// What the last layer gives.
+    pub fn head(&self) -> Head {
+        self.layers.weights().head()
+    }
+
     /// The format of the products.
     pub fn precision(&self) -> Precision {
         self.layers.precision()
@@ -137,26 +142,24 @@ impl Network {
     /// Takes over weights.
     ///
     /// # Errors
-    /// [`RpnnError::Invalid`] when they belong to another variant.
+    /// [`RpnnError::Invalid`] when they belong to another variant or head.
     pub fn load(&mut self, weights: &Weights) -> Result<(), RpnnError> {
-        if weights.variant() != self.variant {
-            return Err(RpnnError::invalid(
-                "weights",
-                format!("belong to {}, the network is {}", weights.variant().name(), self.variant.name()),
-            ));
+        let names = |variant: Variant, head: Head| format!("{} with head {}", variant.name(), head.name());
+        if (weights.variant(), weights.head()) != (self.variant, self.head()) {
+            let (theirs, own) = (names(weights.variant(), weights.head()), names(self.variant, self.head()));
+            return Err(RpnnError::invalid("weights", format!("belong to {theirs}, the network is {own}")));
         }
         self.layers.load(weights);
         Ok(())
     }
 
-    /// Radiance of each sample: `inputs` is `[sample][level][cell z][cell y][cell x][feature]` in the
-    /// input form that the weights were trained on, `out` `[sample]`.
+    /// Outputs of each sample: `inputs` is `[sample][level][cell z][cell y][cell x][feature]` in the
+    /// input form that the weights were trained on, `out` `[sample][output]`, see [`Head`].
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when the buffers' lengths differ or exceed the batch.
     pub fn forward(&mut self, inputs: &[f32], out: &mut [f32]) -> Result<(), RpnnError> {
-        let n = out.len();
-        self.check(n)?;
+        let n = self.samples(out)?;
         if inputs.len() != n * INPUTS {
             return Err(RpnnError::invalid(
                 "inputs",
@@ -195,8 +198,8 @@ impl Network {
         out: &mut [f32],
     ) -> Result<(), RpnnError> {
         let n = self.check_parts(levels, states, inputs.len(), LEVELS - levels.min(LEVELS))?;
-        if n != out.len() {
-            return Err(RpnnError::invalid("output", format!("{} values for {n} samples", out.len())));
+        if n * self.head().outputs() != out.len() {
+            return Err(RpnnError::invalid("outputs", format!("{} values for {n} samples", out.len())));
         }
         let slot = self.slot(levels - 1);
         self.levels[slot].state[..states.len()].copy_from_slice(states);
@@ -249,9 +252,11 @@ impl Network {
         &self.levels[self.slot(level)]
     }
 
-    /// From the last state to radiance.
+    /// From the last state to the outputs.
     fn forward_end(&mut self, out: &mut [f32]) {
-        let n = out.len();
+        let head = self.head();
+        let outputs = head.outputs();
+        let n = out.len() / outputs;
         let last = self.slot(LEVELS - 1);
         let layers = &mut self.layers;
         let Layout { end, .. } = *layers.weights().layout();
@@ -260,7 +265,7 @@ impl Network {
         let used = rows * end_width;
         layers.dense(e1, &self.levels[last].state[..used], &mut self.end1[..used], rows);
         layers.dense(e2, &self.end1[..used], &mut self.end2[..used], rows);
-        let terms = &mut self.terms[..rows];
+        let terms = &mut self.terms[..rows * outputs];
         layers.product(
             e3,
             &self.end2[..used],
@@ -268,26 +273,30 @@ impl Network {
             rows,
             End { add: Add::Nothing, bias: Some(e3), relu: false },
         );
-        let summed = rows / n.max(1);
-        for (out, terms) in out.iter_mut().zip(terms.chunks_exact(summed.max(1))) {
-            *out = terms.iter().sum::<f32>().max(0.0);
+        let summed = (rows / n.max(1)).max(1);
+        for (out, terms) in out.chunks_exact_mut(outputs).zip(terms.chunks_exact(summed * outputs)) {
+            out.fill(0.0);
+            for terms in terms.chunks_exact(outputs) {
+                out.iter_mut().zip(terms).for_each(|(out, term)| *out += term);
+            }
+            if head == Head::Radiance {
+                out.iter_mut().for_each(|out| *out = out.max(0.0));
+            }
         }
     }
 
     /// Adds the gradient of a loss to `gradient`, laid out like the weights, given its derivative by each
-    /// output of the last [`Network::forward`] (`out` as that call left it, `d_out` `[sample]`).
-    ///
-    /// An output that its ReLU cut off to zero passes on what would raise it, or a network whose outputs
-    /// are all cut off would never learn again.
+    /// sum that made an output of the last [`Network::forward`], `d_out` `[sample][output]`:
+    /// [`Head::derivatives`] tells what passes the ReLU of a radiance.
     ///
     /// # Errors
     /// As [`Network::forward`].
-    pub fn backward(&mut self, out: &[f32], d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
-        let n = out.len();
-        self.check(n)?;
-        if d_out.len() != n || gradient.len() != self.layers.weights().values().len() {
-            return Err(RpnnError::invalid("gradient", "buffers do not match the outputs and the weights"));
+    pub fn backward(&mut self, d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
+        let n = self.samples(d_out)?;
+        if gradient.len() != self.layers.weights().values().len() {
+            return Err(RpnnError::invalid("gradient", "its length is not that of the weights"));
         }
+        let outputs = self.head().outputs();
         let width = self.variant.width();
         let layers = &mut self.layers;
         layers.freshen_backward();
@@ -295,12 +304,12 @@ impl Network {
         let (rows, end_width) = end_shape(self.variant, n);
         let used = rows * end_width;
         let [e1, e2, e3] = end;
-        let summed = rows / n.max(1);
-        for (i, term) in self.terms[..rows].iter_mut().enumerate() {
-            let sample = i / summed;
-            *term = through_output(out[sample], d_out[sample]);
+        let summed = (rows / n.max(1)).max(1);
+        let terms = &mut self.terms[..rows * outputs];
+        for (terms, d_out) in terms.chunks_exact_mut(summed * outputs).zip(d_out.chunks_exact(outputs)) {
+            terms.chunks_exact_mut(outputs).for_each(|term| term.copy_from_slice(d_out));
         }
-        let terms = &self.terms[..rows];
+        let terms = &self.terms[..rows * outputs];
         let (d2, d1) = (&mut self.d_mid[..used], &mut self.d_next[..used]);
         let (end1, end2) = (&self.end1[..used], &self.end2[..used]);
         let state = &self.levels[LEVELS - 1].state[..used];
@@ -318,6 +327,15 @@ impl Network {
             backward_block(layers, blocks[k], &rest[0], previous, n, self.variant, scratch, gradient);
         }
         Ok(())
+    }
+
+    /// The number of samples of a buffer of outputs.
+    fn samples(&self, outputs: &[f32]) -> Result<usize, RpnnError> {
+        let n = self.head().outputs();
+        if !outputs.len().is_multiple_of(n) {
+            return Err(RpnnError::invalid("outputs", format!("{} values; {n} a sample", outputs.len())));
+        }
+        self.check(outputs.len() / n).map(|()| outputs.len() / n)
     }
 
     fn check(&self, n: usize) -> Result<(), RpnnError> {

@@ -3,13 +3,16 @@
 use candle_core::backprop::GradStore;
 use candle_core::{DType, Device, Result, Tensor, Var, bail};
 
-use crate::variant::{CELLS, FEATURES, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::variant::{
+    CELLS, FEATURES, Head, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather,
+};
 use crate::{Variant, Weights};
 
 /// A variant whose parameters are candle variables.
 #[derive(Debug)]
 pub struct CandleNetwork {
     variant: Variant,
+    head: Head,
     layout: Layout,
     parameters: Vec<(Var, Option<Var>)>,
     octants: Tensor,
@@ -38,7 +41,13 @@ impl CandleNetwork {
             .collect::<Result<_>>()?;
         let order: Vec<u32> = (0..OCTANTS).flat_map(|o| octant_gather(o).map(u32::from)).collect();
         let octants = Tensor::from_vec(order, OCTANTS * OCTANT_INPUTS, device)?;
-        Ok(Self { variant: weights.variant(), layout: weights.layout().clone(), parameters, octants })
+        Ok(Self {
+            variant: weights.variant(),
+            head: weights.head(),
+            layout: weights.layout().clone(),
+            parameters,
+            octants,
+        })
     }
 
     /// The variables in layout order: matrix, and bias where the layer has one.
@@ -51,7 +60,7 @@ impl CandleNetwork {
     /// # Errors
     /// When the weights belong to another variant.
     pub fn load(&mut self, weights: &Weights) -> Result<()> {
-        if weights.variant() != self.variant {
+        if (weights.variant(), weights.head()) != (self.variant, self.head) {
             bail!("weights of {} for a network of {}", weights.variant().name(), self.variant.name());
         }
         let values = weights.values();
@@ -68,12 +77,13 @@ impl CandleNetwork {
         Ok(())
     }
 
-    /// Radiance `[samples]` of inputs `[samples][9][270]` in the input form that the weights were trained on.
+    /// Outputs `[samples][outputs]` of inputs `[samples][9][270]` in the input form that the weights were trained on.
     ///
     /// # Errors
     /// When the shape is another.
     pub fn forward(&self, inputs: &Tensor) -> Result<Tensor> {
-        relu(&self.sums(inputs)?)
+        let sums = self.sums(inputs)?;
+        if self.head == Head::Radiance { relu(&sums) } else { Ok(sums) }
     }
 
     /// [`CandleNetwork::forward`] before its last ReLU: negative where an output is cut off to zero.
@@ -111,7 +121,7 @@ impl CandleNetwork {
         let rows = if shares_octants { previous.reshape((n * OCTANTS, OCTANT_INPUTS))? } else { previous };
         let [e1, e2, e3] = layout.end;
         let hidden = relu(&self.dense(e2, &relu(&self.dense(e1, &rows)?)?)?)?;
-        self.dense(e3, &hidden)?.reshape((n, ()))?.sum(1)
+        self.dense(e3, &hidden)?.reshape((n, (), self.head.outputs()))?.sum(1)
     }
 
     /// Adds the variables' gradients to a flat vector laid out like the weights.

@@ -51,7 +51,7 @@ mod tests {
             let media = [[2.0, 4.0], [5.9, 0.1], [5.995, 0.005]];
             let mut out = [0.0; 3];
             let stencils: Vec<f32> = media.iter().flat_map(|&[s, a]| half_space(s, a)).collect();
-            inference.radiance(&stencils, &mut out).unwrap();
+            inference.radiance(&stencils, &[], &mut out).unwrap();
             assert!(out[0] < 0.15 && out[1] > out[0] + 0.1 && out[2] > out[1] + 0.1, "{out:?}");
             assert!(out[2] < 1.05, "{out:?}");
         }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use pellucid_stencil::StencilSpec;
 
-pub use pellucid_stencil::OCTANTS;
+pub use pellucid_stencil::{FLIGHT_BINS, FirstFlight, OCTANTS};
 
 /// The stencil that the networks read: 9 levels of 5 x 3 x 9 cells.
 pub const STENCIL: StencilSpec = StencilSpec::paper();
@@ -39,6 +39,102 @@ pub enum Variant {
     /// Both: the paper's proposal.
     #[serde(rename = "L+O")]
     SharedLevelsAndOctants,
+}
+
+/// What the network's last layer gives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Head {
+    /// One output, the radiance after a ReLU: the paper's form.
+    #[default]
+    Radiance,
+    /// Four outputs J: the throughput that remains of a path after a first collision in each depth bin, and after a
+    /// reflection at the far side. Radiance follows from them and the point's exact [`FirstFlight`].
+    FirstFlight,
+}
+
+impl Head {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Radiance, Self::FirstFlight];
+    /// Most outputs.
+    pub const MOST_OUTPUTS: usize = FLIGHT_BINS + 1;
+
+    /// Outputs a sample.
+    pub const fn outputs(self) -> usize {
+        match self {
+            Self::Radiance => 1,
+            Self::FirstFlight => Self::MOST_OUTPUTS,
+        }
+    }
+
+    /// What outputs are about on average: where an untrained network starts.
+    pub const fn mean_output(self) -> f32 {
+        match self {
+            Self::Radiance => 0.4,
+            Self::FirstFlight => 0.6,
+        }
+    }
+
+    /// The name used in files, tables and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Radiance => "radiance",
+            Self::FirstFlight => "first-flight",
+        }
+    }
+
+    /// The head of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|h| h.name() == name)
+    }
+
+    /// Radiance of each sample from the network's outputs `[sample][outputs]`; `flights` are the samples' first
+    /// flights, of which [`Head::Radiance`] needs none.
+    ///
+    /// # Panics
+    /// When the lengths do not agree.
+    pub fn radiance(self, outputs: &[f32], flights: &[FirstFlight], radiance: &mut [f32]) {
+        match self {
+            Self::Radiance => radiance.copy_from_slice(outputs),
+            Self::FirstFlight => {
+                assert_eq!(flights.len(), radiance.len(), "a flight a sample");
+                let samples = outputs.as_chunks::<{ Self::MOST_OUTPUTS }>().0;
+                assert_eq!(samples.len(), radiance.len(), "outputs of every sample");
+                for ((out, flight), j) in radiance.iter_mut().zip(flights).zip(samples) {
+                    *out = flight.radiance(j).max(0.0);
+                }
+            }
+        }
+    }
+
+    /// Derivatives by the outputs from those by the radiance that [`Head::radiance`] gave; where the ReLU cut a
+    /// radiance off to zero, only what would raise it passes, or a network that is cut off everywhere would never
+    /// learn again.
+    ///
+    /// # Panics
+    /// When the lengths do not agree.
+    pub fn derivatives(
+        self,
+        radiance: &[f32],
+        d_radiance: &[f32],
+        flights: &[FirstFlight],
+        d_outputs: &mut [f32],
+    ) {
+        let passed = radiance.iter().zip(d_radiance).map(|(&l, &d)| if l > 0.0 { d } else { d.min(0.0) });
+        match self {
+            Self::Radiance => {
+                assert_eq!(d_outputs.len(), radiance.len(), "an output a sample");
+                d_outputs.iter_mut().zip(passed).for_each(|(out, d)| *out = d);
+            }
+            Self::FirstFlight => {
+                assert_eq!(flights.len(), radiance.len(), "a flight a sample");
+                let samples = d_outputs.as_chunks_mut::<{ Self::MOST_OUTPUTS }>().0;
+                for ((out, flight), d) in samples.iter_mut().zip(flights).zip(passed) {
+                    *out = flight.factors().map(|factor| d * factor);
+                }
+            }
+        }
+    }
 }
 
 /// One dense layer: where its parameters lie in the flat vector.
@@ -116,18 +212,18 @@ impl Variant {
         if self.shares_octants() { OCTANTS * OCTANT_INPUTS } else { LEVEL_INPUTS }
     }
 
-    /// Number of trainable values (the paper's Table 2).
+    /// Number of trainable values with [`Head::Radiance`] (the paper's Table 2).
     ///
     /// ```
     /// use pellucid_rpnn::Variant;
     /// assert_eq!(Variant::ALL.map(Variant::parameters), [2_046_871, 365_851, 3_767_341, 706_861]);
     /// ```
     pub fn parameters(self) -> usize {
-        self.layout().parameters
+        self.layout(Head::Radiance).parameters
     }
 
     /// Where every parameter lies.
-    pub fn layout(self) -> Layout {
+    pub fn layout(self, head: Head) -> Layout {
         let mut b = Builder { layers: Vec::new(), next: 0 };
         let width = self.width();
         let mut shared: Option<Block> = None;
@@ -162,7 +258,7 @@ impl Variant {
         let end = [
             b.dense("end1", end_width, end_width),
             b.dense("end2", end_width, end_width),
-            b.dense("end3", 1, end_width),
+            b.dense("end3", head.outputs(), end_width),
         ];
         Layout { layers: b.layers, blocks, end, parameters: b.next }
     }
@@ -209,8 +305,8 @@ mod tests {
 
     #[test]
     fn layers_tile_the_flat_vector() {
-        for variant in Variant::ALL {
-            let layout = variant.layout();
+        for (variant, head) in Variant::ALL.into_iter().flat_map(|v| Head::ALL.map(|h| (v, h))) {
+            let layout = variant.layout(head);
             let mut next = 0;
             for layer in &layout.layers {
                 assert_eq!(layer.weight, next..next + layer.outputs * layer.inputs, "{}", layer.name);

@@ -4,13 +4,14 @@ use pellucid_core::Digest;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
-use crate::variant::{Layout, OCTANTS};
+use crate::variant::{Head, Layout, OCTANTS};
 use crate::{RpnnError, Variant};
 
 /// The parameters of one variant, in the order of its [`Layout`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     variant: Variant,
+    head: Head,
     layout: Layout,
     values: Vec<f32>,
 }
@@ -20,8 +21,8 @@ impl Weights {
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when its length is not the variant's or a value is not finite.
-    pub fn new(variant: Variant, values: Vec<f32>) -> Result<Self, RpnnError> {
-        let layout = variant.layout();
+    pub fn new(variant: Variant, head: Head, values: Vec<f32>) -> Result<Self, RpnnError> {
+        let layout = variant.layout(head);
         if values.len() != layout.parameters {
             return Err(RpnnError::invalid(
                 "weights",
@@ -34,20 +35,21 @@ impl Weights {
         }) {
             return Err(RpnnError::invalid(format!("weights of {}", layer.name), "a value is not finite"));
         }
-        Ok(Self { variant, layout, values })
+        Ok(Self { variant, head, layout, values })
     }
 
     /// All zero.
-    pub fn zeros(variant: Variant) -> Self {
-        let layout = variant.layout();
+    pub fn zeros(variant: Variant, head: Head) -> Self {
+        let layout = variant.layout(head);
         let values = vec![0.0; layout.parameters];
-        Self { variant, layout, values }
+        Self { variant, head, layout, values }
     }
 
     /// Random parameters: He et al. 2015 normal, times 0.3 on the residual products B and C and times 0.1
-    /// on the last layer, whose bias starts at `mean_radiance` shared over the outputs that are summed.
-    pub fn initial(variant: Variant, seed: u64, mean_radiance: f32) -> Self {
-        let mut weights = Self::zeros(variant);
+    /// on the last layer, whose bias starts at `mean` shared over the octants that are summed: the mean radiance, or
+    /// the mean throughput after the first flight.
+    pub fn initial(variant: Variant, head: Head, seed: u64, mean: f32) -> Self {
+        let mut weights = Self::zeros(variant, head);
         let layout = weights.layout.clone();
         for (i, layer) in layout.layers.iter().enumerate() {
             let residual = layer.name.ends_with(".b") || layer.name.ends_with(".c");
@@ -66,7 +68,7 @@ impl Weights {
             }
             if last {
                 let summed = if variant.shares_octants() { OCTANTS } else { 1 };
-                weights.values[layer.bias.clone()].fill(mean_radiance / summed as f32);
+                weights.values[layer.bias.clone()].fill(mean / summed as f32);
             }
         }
         weights
@@ -75,6 +77,11 @@ impl Weights {
     /// The architecture.
     pub fn variant(&self) -> Variant {
         self.variant
+    }
+
+    /// What the last layer gives.
+    pub fn head(&self) -> Head {
+        self.head
     }
 
     /// Where each layer lies.
@@ -141,7 +148,7 @@ mod tests {
 
     #[test]
     fn initial_values_have_the_stated_moments() {
-        let weights = Weights::initial(Variant::SharedLevelsAndOctants, 3, 0.4);
+        let weights = Weights::initial(Variant::SharedLevelsAndOctants, Head::Radiance, 3, 0.4);
         for layer in &weights.layout().layers {
             let w = &weights.values()[layer.weight.clone()];
             let n = w.len() as f64;
@@ -158,13 +165,13 @@ mod tests {
             assert!((variance / expected - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{} {variance}", layer.name);
         }
         assert_eq!(*weights.values().last().unwrap(), 0.05);
-        assert_eq!(weights, Weights::initial(Variant::SharedLevelsAndOctants, 3, 0.4));
-        assert_ne!(weights, Weights::initial(Variant::SharedLevelsAndOctants, 4, 0.4));
+        assert_eq!(weights, Weights::initial(Variant::SharedLevelsAndOctants, Head::Radiance, 3, 0.4));
+        assert_ne!(weights, Weights::initial(Variant::SharedLevelsAndOctants, Head::Radiance, 4, 0.4));
     }
 
     #[test]
     fn digests_tell_weights_apart() {
-        let weights = Weights::initial(Variant::SharedLevels, 3, 0.4);
+        let weights = Weights::initial(Variant::SharedLevels, Head::Radiance, 3, 0.4);
         assert_eq!(weights.digest(), weights.clone().digest());
         assert_eq!(weights.digest().len(), 32);
         let mut other = weights.clone();
@@ -172,17 +179,17 @@ mod tests {
         other.values_mut()[last] = f32::from_bits(other.values()[last].to_bits() ^ 1);
         assert_ne!(weights.digest(), other.digest());
         assert_ne!(
-            Weights::zeros(Variant::SharedOctants).digest(),
-            Weights::zeros(Variant::Baseline).digest()
+            Weights::zeros(Variant::SharedOctants, Head::Radiance).digest(),
+            Weights::zeros(Variant::Baseline, Head::Radiance).digest()
         );
     }
 
     #[test]
     fn refuses_wrong_lengths_and_values() {
-        assert!(Weights::new(Variant::SharedLevels, vec![0.0; 3]).is_err());
+        assert!(Weights::new(Variant::SharedLevels, Head::Radiance, vec![0.0; 3]).is_err());
         let mut values = vec![0.0; Variant::SharedLevels.parameters()];
         values[72_900] = f32::NAN;
-        let error = Weights::new(Variant::SharedLevels, values).unwrap_err().to_string();
+        let error = Weights::new(Variant::SharedLevels, Head::Radiance, values).unwrap_err().to_string();
         assert!(error.contains("level.b"), "{error}");
     }
 }

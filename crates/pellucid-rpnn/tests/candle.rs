@@ -5,8 +5,8 @@ mod common;
 use candle_core::{Device, Tensor};
 use common::{inputs, uniform, weights};
 use pellucid_rpnn::adamw::AdamWSettings;
-use pellucid_rpnn::train::{Engine, SampleSource, TrainSettings, Trainer};
-use pellucid_rpnn::variant::{INPUTS, LEVEL_INPUTS, LEVELS};
+use pellucid_rpnn::train::{Batch, Engine, SampleSource, TrainSettings, Trainer};
+use pellucid_rpnn::variant::{FirstFlight, Head, INPUTS, LEVEL_INPUTS, LEVELS};
 use pellucid_rpnn::{Network, Precision, RpnnError, Variant, reference::CandleNetwork};
 use rand_pcg::Pcg64;
 
@@ -15,7 +15,7 @@ fn outputs_agree() {
     for variant in Variant::ALL {
         let weights = weights(variant, 5);
         let x = inputs(6, 1);
-        let mut network = Network::new(variant, 8, Precision::F32).unwrap();
+        let mut network = Network::new(variant, Head::Radiance, 8, Precision::F32).unwrap();
         network.load(&weights).unwrap();
         let mut out = vec![0.0; 6];
         network.forward(&x, &mut out).unwrap();
@@ -37,13 +37,13 @@ fn gradients_agree_with_candle_and_reach_every_parameter_tensor() {
         let x = inputs(n, 2);
         let labels: Vec<f32> = (0..n).map(|i| 0.1 + 0.03 * i as f32).collect();
 
-        let mut network = Network::new(variant, n, Precision::F32).unwrap();
+        let mut network = Network::new(variant, Head::Radiance, n, Precision::F32).unwrap();
         network.load(&weights).unwrap();
         let mut out = vec![0.0; n];
         let mut gradient = vec![0.0; weights.values().len()];
         network.forward(&x, &mut out).unwrap();
         let d_out: Vec<f32> = out.iter().zip(&labels).map(|(o, l)| 2.0 * (o - l) / n as f32).collect();
-        network.backward(&out, &d_out, &mut gradient).unwrap();
+        network.backward(&d_out, &mut gradient).unwrap();
 
         let model = CandleNetwork::new(&weights).unwrap();
         let tensor = Tensor::from_slice(&x, (n, LEVELS, LEVEL_INPUTS), &Device::Cpu).unwrap();
@@ -92,11 +92,12 @@ impl SampleSource for Surfaces {
     fn batch(
         &mut self,
         index: u64,
-        stencils: &mut [f32],
-        radiance: &mut [f32],
+        batch: Batch<'_>,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        batch.flights.fill(FirstFlight { masses: [0.3, 0.5, 0.15], escaped: 0.02, returned: 0.01 });
         let mut rng = Pcg64::new(u128::from(index), 78);
-        for (i, (sample, radiance)) in stencils.chunks_exact_mut(INPUTS).zip(radiance).enumerate() {
+        for (i, (sample, radiance)) in batch.stencils.chunks_exact_mut(INPUTS).zip(batch.radiance).enumerate()
+        {
             let scattering = 2.0 + 10.0 * uniform(&mut rng);
             let absorption = 0.01 * 200f32.powf(uniform(&mut rng));
             let height = if i % 8 == 5 { 0 } else { 3 + (7.0 * uniform(&mut rng)) as usize };
@@ -168,9 +169,14 @@ fn engines_train_alike() {
 
 #[test]
 fn engines_raise_outputs_that_are_cut_off_alike() {
-    let settings = TrainSettings { mean_radiance: -4.0, ..settings(Variant::SharedLevelsAndOctants) };
+    let settings = TrainSettings {
+        head: Head::Radiance,
+        mean_output: -4.0,
+        ..settings(Variant::SharedLevelsAndOctants)
+    };
     let (mut x, mut labels) = (vec![0.0; 16 * INPUTS], vec![0.0; 16]);
-    Surfaces.batch(0, &mut x, &mut labels).unwrap();
+    let mut flights = vec![FirstFlight::default(); 16];
+    Surfaces.batch(0, Batch { stencils: &mut x, flights: &mut flights, radiance: &mut labels }).unwrap();
     let of_darkness = labels.iter().map(|&l| f64::from(l).powi(2)).sum::<f64>() / 16.0;
     let own = Trainer::new(settings).unwrap();
     let first = own.clone().step(&mut Surfaces).unwrap();

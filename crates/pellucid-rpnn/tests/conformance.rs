@@ -4,7 +4,7 @@ mod common;
 
 use common::{inputs, weights};
 use pellucid_rpnn::variant::{
-    CELLS_XYZ, FEATURES, INPUTS, LEVEL_INPUTS, LEVELS, OCTANT_INPUTS, OCTANTS, octant_gather,
+    CELLS_XYZ, FEATURES, Head, INPUTS, LEVEL_INPUTS, LEVELS, OCTANT_INPUTS, OCTANTS, octant_gather,
 };
 use pellucid_rpnn::{Network, Precision, Variant, Weights};
 
@@ -65,7 +65,7 @@ fn forward_agrees_with_the_naive_network() {
     for variant in Variant::ALL {
         let weights = weights(variant, 5);
         let x = inputs(6, 1);
-        let mut network = Network::new(variant, 8, Precision::F32).unwrap();
+        let mut network = Network::new(variant, Head::Radiance, 8, Precision::F32).unwrap();
         network.load(&weights).unwrap();
         let mut out = vec![0.0; 6];
         network.forward(&x, &mut out).unwrap();
@@ -126,7 +126,7 @@ fn mirroring_exchanges_octants_exactly() {
 fn the_mean_over_mirrors_is_invariant_and_one_evaluation_is_not() {
     let variant = Variant::SharedLevelsAndOctants;
     let weights = weights(variant, 4);
-    let mut network = Network::new(variant, 8, Precision::F32).unwrap();
+    let mut network = Network::new(variant, Head::Radiance, 8, Precision::F32).unwrap();
     network.load(&weights).unwrap();
     let mut over_mirrors = |x: &[f32]| {
         let all: Vec<f32> = (0..8).flat_map(|m| mirrored(x, m)).collect();
@@ -150,11 +150,11 @@ fn the_mean_over_mirrors_is_invariant_and_one_evaluation_is_not() {
 #[test]
 fn buffers_of_wrong_length_are_refused() {
     let weights = weights(Variant::SharedLevels, 1);
-    let mut network = Network::new(Variant::SharedLevels, 2, Precision::F32).unwrap();
+    let mut network = Network::new(Variant::SharedLevels, Head::Radiance, 2, Precision::F32).unwrap();
     network.load(&weights).unwrap();
     assert!(network.forward(&[0.0; INPUTS], &mut [0.0; 2]).is_err());
     assert!(network.forward(&vec![0.0; 3 * INPUTS], &mut [0.0; 3]).is_err());
-    assert!(network.load(&Weights::zeros(Variant::Baseline)).is_err());
-    assert!(network.backward(&[0.0], &[0.0], &mut [0.0; 5]).is_err());
-    assert!(Network::new(Variant::Baseline, 0, Precision::F32).is_err());
+    assert!(network.load(&Weights::zeros(Variant::Baseline, Head::Radiance)).is_err());
+    assert!(network.backward(&[0.0], &mut [0.0; 5]).is_err());
+    assert!(Network::new(Variant::Baseline, Head::Radiance, 0, Precision::F32).is_err());
 }

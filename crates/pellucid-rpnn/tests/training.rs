@@ -2,8 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use pellucid_rpnn::train::{SampleSource, TrainSettings, Trainer};
-use pellucid_rpnn::variant::INPUTS;
+use pellucid_rpnn::train::{Batch, SampleSource, TrainSettings, Trainer};
+use pellucid_rpnn::variant::{FirstFlight, INPUTS};
 use pellucid_rpnn::{Precision, RpnnError, Variant};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -15,15 +15,15 @@ impl SampleSource for Uniform {
     fn batch(
         &mut self,
         index: u64,
-        stencils: &mut [f32],
-        radiance: &mut [f32],
+        batch: Batch<'_>,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         if index == 1000 {
             return Err("the well is dry".into());
         }
+        batch.flights.fill(FirstFlight { masses: [0.3, 0.5, 0.15], escaped: 0.02, returned: 0.01 });
         let mut rng = Pcg64::new(u128::from(index), 77);
         let mut unit = || (rng.next_u64() >> 40) as f32 / (1 << 24) as f32;
-        for (sample, radiance) in stencils.chunks_exact_mut(INPUTS).zip(radiance) {
+        for (sample, radiance) in batch.stencils.chunks_exact_mut(INPUTS).zip(batch.radiance) {
             let (scattering, absorption) = (2.0 + 10.0 * unit(), 0.01 * 200f32.powf(unit()));
             for cell in sample.chunks_exact_mut(2) {
                 cell.copy_from_slice(&[scattering, absorption]);
@@ -96,8 +96,10 @@ fn every_variant_learns() {
         assert!(end < 0.1 * start, "{variant:?}: {start} to {end}");
         // The averaged weights know it too.
         let (mut x, mut y) = (vec![0.0; 32 * INPUTS], vec![0.0; 32]);
-        Uniform.batch(999, &mut x, &mut y).unwrap();
-        let score = trainer.validate(&x, &y, &[0.0; 32]).unwrap();
+        let mut flights = vec![FirstFlight::default(); 32];
+        let held_out = Batch { stencils: &mut x, flights: &mut flights, radiance: &mut y };
+        Uniform.batch(999, held_out).unwrap();
+        let score = trainer.validate(&x, &flights, &y, &[0.0; 32]).unwrap();
         assert!(score.rmse < 0.3 * start.sqrt(), "{variant:?}: {score:?} from {start}");
     }
 }
@@ -109,11 +111,10 @@ fn a_failing_source_is_named_and_changes_nothing() {
         fn batch(
             &mut self,
             _: u64,
-            stencils: &mut [f32],
-            radiance: &mut [f32],
+            batch: Batch<'_>,
         ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-            stencils.fill(1.0);
-            radiance.fill(f32::NAN);
+            batch.stencils.fill(1.0);
+            batch.radiance.fill(f32::NAN);
             Ok(())
         }
     }
@@ -127,10 +128,9 @@ fn a_failing_source_is_named_and_changes_nothing() {
         fn batch(
             &mut self,
             _: u64,
-            stencils: &mut [f32],
-            radiance: &mut [f32],
+            batch: Batch<'_>,
         ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-            Uniform.batch(1000, stencils, radiance)
+            Uniform.batch(1000, batch)
         }
     }
     let error = pellucid_core::chain(&trainer.step(&mut Dry).unwrap_err());

@@ -12,6 +12,7 @@
 //! | [`coefficients`] | from material counts to features of channels: [`Coefficients`] |
 //! | [`extract`] | batches of points: [`Stencils`] |
 //! | [`changed`] | which stencils a change of tiles touches: [`ChangedTiles`] |
+//! | [`flight`] | the exact first flight: [`FirstFlights`] |
 //! | [`octants`] | mirror images and octant views |
 //! | [`adjoint`] | gradients of descriptors carried back to voxels: [`scatter`] |
 //!
@@ -25,6 +26,7 @@ pub mod changed;
 pub mod coefficients;
 pub mod error;
 pub mod extract;
+pub mod flight;
 mod kernel;
 mod lattice;
 mod levels;
@@ -37,6 +39,7 @@ pub use changed::ChangedTiles;
 pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;
 pub use extract::Stencils;
+pub use flight::{FLIGHT_BINS, FLIGHT_DEPTHS_MM, FirstFlight, FirstFlights};
 pub use octants::OCTANTS;
 pub use pellucid_core::InstructionSet;
 pub use pellucid_voxel::near_order;

@@ -8,6 +8,7 @@
 //! | [`Surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`NearestSurface`] | the nearest surface voxel of every solid voxel to a depth |
 //! | [`local_thickness_mm`] | how thick the solid is at each surface voxel |
+//! | [`internal_reflectance`] | reflection at the inside of the surface |
 //! | [`CountSat`] | exact summed-area tables over material counts |
 //! | [`near_order`] | an order of voxels that keeps neighbours together |
 //!
@@ -19,6 +20,7 @@ mod channels;
 mod eigen;
 mod envelope;
 mod error;
+mod fresnel;
 mod grid;
 #[cfg(feature = "serde")]
 mod json;
@@ -40,6 +42,7 @@ mod thickness;
 
 pub use channels::Channels;
 pub use error::VoxelError;
+pub use fresnel::internal_reflectance;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
 pub use nearest::NearestSurface;

@@ -3,6 +3,7 @@
 use std::error::Error;
 
 use pellucid_core::{ErrorStats, NoisyScore};
+use pellucid_stencil::FirstFlight;
 use pellucid_voxel::Control;
 
 use super::set::LabelledSet;
@@ -32,8 +33,8 @@ pub struct Judgement {
 }
 
 /// Predicts a set and compares with its labels. `predict` takes stencils ordered
-/// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm, [`STENCIL_VALUES`](crate::STENCIL_VALUES) a sample, and writes
-/// a radiance a sample; a network's [`radiance`] does. Progress counts samples.
+/// `[sample][level][z][y][x][sigma_s, sigma_a]` in 1/mm, [`STENCIL_VALUES`](crate::STENCIL_VALUES) a sample, with
+/// the samples' first flights, and writes a radiance a sample; a network's [`radiance`] does. Progress counts samples.
 ///
 /// [`radiance`]: https://docs.rs/pellucid-rpnn/latest/pellucid_rpnn/struct.Inference.html#method.radiance
 ///
@@ -42,11 +43,11 @@ pub struct Judgement {
 /// a prediction is not finite.
 pub fn judge(
     set: &LabelledSet,
-    mut predict: impl FnMut(&[f32], &mut [f32]) -> Result<(), Box<dyn Error + Send + Sync>>,
+    mut predict: impl FnMut(&[f32], &[FirstFlight], &mut [f32]) -> Result<(), Box<dyn Error + Send + Sync>>,
     control: &Control<'_>,
 ) -> Result<Judgement, DatasetError> {
-    let predicted = set.predictions(CHUNK, control, |stencils, out| {
-        predict(stencils, out).map_err(DatasetError::Predictor)
+    let predicted = set.predictions(CHUNK, control, |stencils, flights, out| {
+        predict(stencils, flights, out).map_err(DatasetError::Predictor)
     })?;
     Judgement::of(set, &predicted)
 }

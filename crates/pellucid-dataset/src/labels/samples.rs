@@ -1,19 +1,24 @@
 //! Labelled samples of one volume.
 
-use pellucid_halftone::RankedNoise;
-use pellucid_stencil::{Coefficients, Features, StencilSpec, Stencils};
+use pellucid_stencil::{Coefficients, Features, FirstFlight, FirstFlights, StencilSpec, Stencils};
 use pellucid_trace::{Boundary, ErrorTarget, TraceOptions, Tracer, Volume};
-use pellucid_voxel::{Control, CountSat, LabelGrid, Material, MaterialTable, Surface, SurfaceOptions, Tile};
+use pellucid_voxel::{Control, CountSat, LabelGrid, MaterialTable, Surface, SurfaceOptions, Tile};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use super::half_stencils::HalfStencils;
+use crate::recipe::draw::NEIGHBOURS;
 use crate::volume::fill;
-use crate::volume::texture::halftone_noise;
+use crate::volume::noise::unit;
+use crate::volume::texture::BlueNoise;
 use crate::{DatasetError, Recipe, Split};
 
 /// Points whose stencils are extracted at a time.
 const CHUNK: usize = 256;
+/// Voxels that are tried to find a point's neighbour.
+const TRIES: usize = 24;
+/// Least cosine between the normals of a point and its neighbour.
+const ALIKE: f32 = 0.8;
 
 /// How a point is labelled: how many paths its radiance takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +46,10 @@ pub struct Samples {
     pub digest: u64,
     /// The points' voxels `[x, y, z]`.
     pub voxels: Vec<[u32; 3]>,
-    /// Ordered `[point][channel][level][z][y][x][feature]`, 1/mm.
+    /// Ordered `[point][channel][level][z][y][x][feature]`, 1/mm; a neighbour's where the split says so.
     pub stencils: HalfStencils,
+    /// First flights, `[point][channel]`.
+    pub flights: Vec<FirstFlight>,
     /// Ordered `[point][channel]`, within 0..=1.
     pub radiance: Vec<f32>,
     /// Standard errors of `radiance`.
@@ -55,14 +62,15 @@ pub struct Samples {
 pub struct Sampler {
     recipe: Recipe,
     split: Split,
+    /// As given, without the split's density.
+    table: MaterialTable,
     materials: MaterialTable,
-    coefficients: Coefficients,
     boundary: Boundary,
-    blue: RankedNoise,
+    blue: BlueNoise,
 }
 
 impl Sampler {
-    /// A sampler for `split`, of `materials` of which the last is white, thinned or thickened by the split's
+    /// A sampler for `split`, of the materials of `table` of which the last is white, thinned or thickened by the split's
     /// density.
     ///
     /// # Errors
@@ -70,22 +78,15 @@ impl Sampler {
     pub fn new(
         recipe: &Recipe,
         split: &str,
-        materials: &MaterialTable,
+        table: &MaterialTable,
         boundary: Boundary,
     ) -> Result<Self, DatasetError> {
         recipe.check()?;
         let split = recipe.split(split)?.clone();
-        let factor = |values: &[f32]| values.iter().map(|v| (f64::from(*v) * split.density) as f32).collect();
-        let scaled = materials.materials().iter().map(|m| Material {
-            name: m.name.clone(),
-            sigma_s: factor(&m.sigma_s),
-            sigma_a: factor(&m.sigma_a),
-            g: m.g,
-        });
-        let materials = MaterialTable::new(materials.channel_names().to_vec(), scaled.collect())?;
-        let coefficients = Coefficients::all(&materials, Features::ScatterAbsorb)?;
-        let blue = halftone_noise(recipe.pitch);
-        Ok(Self { recipe: recipe.clone(), split, materials, coefficients, boundary, blue })
+        let density = Split { other_inks: None, ..split.clone() };
+        let materials = recipe.draw_materials(&density, 0, table)?;
+        let blue = BlueNoise::new(split.halftone, recipe.pitch);
+        Ok(Self { recipe: recipe.clone(), split, table: table.clone(), materials, boundary, blue })
     }
 
     /// The split.
@@ -93,7 +94,7 @@ impl Sampler {
         &self.split
     }
 
-    /// The materials with the split's density.
+    /// The materials with the split's density; those of a volume of other inks are not these.
     pub fn materials(&self) -> &MaterialTable {
         &self.materials
     }
@@ -127,12 +128,13 @@ impl Sampler {
         let chosen: Vec<u32> = (0..points).map(|_| (rng.next_u64() % surface.len() as u64) as u32).collect();
         let voxels: Vec<[u32; 3]> = chosen.iter().map(|&p| surface.voxels()[p as usize]).collect();
 
-        let stencils = self.stencils(&grid, &voxels, control)?;
+        let (stencils, flights) = self.inputs(volume, &grid, &surface, &chosen, control)?;
+        let materials = self.recipe.draw_materials(&self.split, volume, &self.table)?;
         let traced = Volume::new(&grid, &surface, control)?;
         let spp = if let Labelling::Paths(spp) = labels { spp } else { 1 };
         let options =
             TraceOptions { spp, seed: rng.next_u64(), boundary: self.boundary, ..Default::default() };
-        let tracer = Tracer::new(&traced, &self.materials, options)?;
+        let tracer = Tracer::new(&traced, &materials, options)?;
         let mut radiance = vec![0.0; chosen.len() * self.channels()];
         let mut std_error = radiance.clone();
         match labels {
@@ -144,7 +146,7 @@ impl Sampler {
                 tracer.radiance_to(&chosen, 1, target, &mut radiance, &mut std_error, control)?;
             }
         }
-        Ok(Samples { digest: digest(&grid), voxels, stencils, radiance, std_error })
+        Ok(Samples { digest: digest(&grid), voxels, stencils, flights, radiance, std_error })
     }
 
     /// The voxels of a volume.
@@ -156,33 +158,83 @@ impl Sampler {
         Ok(fill(&shape, &texture, self.recipe.pitch, &self.blue)?)
     }
 
-    /// The stencils of some voxels of a volume, ordered as [`Samples::stencils`].
+    /// What a network is given of surface points of a volume, ordered as [`Samples::stencils`] and
+    /// [`Samples::flights`].
     ///
     /// # Errors
-    /// [`DatasetError::Invalid`] when a voxel lies outside the grid, [`DatasetError::Cancelled`].
-    pub fn stencils(
+    /// [`DatasetError::Invalid`] when a point lies past the surface, [`DatasetError::Cancelled`].
+    pub fn inputs(
         &self,
+        volume: u32,
         grid: &LabelGrid,
-        voxels: &[[u32; 3]],
+        surface: &Surface,
+        points: &[u32],
         control: &Control<'_>,
-    ) -> Result<HalfStencils, DatasetError> {
-        let sat = CountSat::build(grid, self.materials.len(), control)?;
-        let stencils = Stencils::new(StencilSpec::paper(), grid, &sat)?;
-        let row = self.coefficients.values_per_point(stencils.spec());
-        let mut out = HalfStencils::zeros(voxels.len() * self.channels());
-        let mut buffer = vec![0.0; voxels.len().min(CHUNK) * row];
-        // Neighbours are cheaper together.
-        let order = pellucid_stencil::near_order(voxels);
-        for order in order.chunks(CHUNK) {
-            let part: Vec<[u32; 3]> = order.iter().map(|&i| voxels[i as usize]).collect();
-            let buffer = &mut buffer[..part.len() * row];
-            stencils.extract(&self.coefficients, &part, buffer, control)?;
-            for (values, &i) in buffer.chunks_exact(row).zip(order) {
-                out.set(i as usize * self.channels(), values);
-            }
-        }
-        Ok(out)
+    ) -> Result<(HalfStencils, Vec<FirstFlight>), DatasetError> {
+        let materials = self.recipe.draw_materials(&self.split, volume, &self.table)?;
+        let index = self.recipe.refractive_index;
+        let flights = FirstFlights::new(&materials, grid, surface, index)?;
+        let mut flown = vec![FirstFlight::default(); points.len() * self.channels()];
+        flights.extract(points, &mut flown, &control.silent())?;
+        let seen = self.seen(volume, surface, points);
+        let coefficients = Coefficients::all(&materials, Features::ScatterAbsorb)?;
+        Ok((stencils_of(&materials, &coefficients, grid, &seen, control)?, flown))
     }
+
+    /// The voxels about which stencils are taken: the points' own, or neighbours'.
+    fn seen(&self, volume: u32, surface: &Surface, points: &[u32]) -> Vec<[u32; 3]> {
+        let own = points.iter().map(|&p| surface.voxels()[p as usize]);
+        let Some(near) = self.split.neighbours else { return own.collect() };
+        let mut rng = self.recipe.rng(&self.split, volume, NEIGHBOURS);
+        let reach = surface.frame().pitch().mm().map(|mm| (near.reach_mm / mm).round() as i64);
+        let mut neighbour = |point: u32| -> Option<u32> {
+            let (voxel, normal) = (surface.voxels()[point as usize], surface.normals()[point as usize]);
+            (0..TRIES).find_map(|_| {
+                let mut axis = |a: usize| {
+                    let offset = (rng.next_u64() % (2 * reach[a] + 1) as u64) as i64 - reach[a];
+                    u32::try_from(i64::from(voxel[a]) + offset).ok()
+                };
+                let other = surface.index_of([axis(0)?, axis(1)?, axis(2)?])?;
+                let cosine: f32 =
+                    surface.normals()[other as usize].iter().zip(normal).map(|(a, b)| a * b).sum();
+                (cosine > ALIKE).then_some(other)
+            })
+        };
+        let mut chance = self.recipe.rng(&self.split, volume, NEIGHBOURS + 1);
+        let seen = points.iter().map(|&p| {
+            let shares = unit(chance.next_u64()) < near.share;
+            let of = if shares { neighbour(p).unwrap_or(p) } else { p };
+            surface.voxels()[of as usize]
+        });
+        seen.collect()
+    }
+}
+
+/// The stencils of some voxels, ordered as [`Samples::stencils`].
+fn stencils_of(
+    materials: &MaterialTable,
+    coefficients: &Coefficients,
+    grid: &LabelGrid,
+    voxels: &[[u32; 3]],
+    control: &Control<'_>,
+) -> Result<HalfStencils, DatasetError> {
+    let sat = CountSat::build(grid, materials.len(), control)?;
+    let stencils = Stencils::new(StencilSpec::paper(), grid, &sat)?;
+    let row = coefficients.values_per_point(stencils.spec());
+    let channels = materials.channels();
+    let mut out = HalfStencils::zeros(voxels.len() * channels);
+    let mut buffer = vec![0.0; voxels.len().min(CHUNK) * row];
+    // Neighbours are cheaper together.
+    let order = pellucid_stencil::near_order(voxels);
+    for order in order.chunks(CHUNK) {
+        let part: Vec<[u32; 3]> = order.iter().map(|&i| voxels[i as usize]).collect();
+        let buffer = &mut buffer[..part.len() * row];
+        stencils.extract(coefficients, &part, buffer, control)?;
+        for (values, &i) in buffer.chunks_exact(row).zip(order) {
+            out.set(i as usize * channels, values);
+        }
+    }
+    Ok(out)
 }
 
 /// A checksum of a grid's labels: FNV-1a, tile by tile.

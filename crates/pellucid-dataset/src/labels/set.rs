@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicU64;
 
 use pellucid_core::Cancelled;
+use pellucid_stencil::FirstFlight;
 use pellucid_voxel::Control;
 use rayon::prelude::*;
 
@@ -26,13 +27,14 @@ pub struct LabelledSet {
     classes: Vec<ShapeClass>,
     voxels: Vec<[u16; 3]>,
     stencils: HalfStencils,
+    flights: Vec<FirstFlight>,
     radiance: Vec<f32>,
     std_error: Vec<f32>,
 }
 
 impl LabelledSet {
     /// Reads a set from the file of the whole, or from those of all its shards in any order, and extracts its
-    /// stencils anew. Progress counts volumes.
+    /// stencils and flights anew. Progress counts volumes.
     ///
     /// # Errors
     /// [`DatasetError::Io`]; [`DatasetError::Invalid`] naming a file that is damaged, or when a shard is missing;
@@ -48,7 +50,9 @@ impl LabelledSet {
             control.report(at as u64, stored.len() as u64);
             control.check()?;
             let record = stored.record(at);
-            set.stencils.extend(&stored.stencils(at, &control.silent())?);
+            let (stencils, flights) = stored.inputs(at, &control.silent())?;
+            set.stencils.extend(&stencils);
+            set.flights.extend(flights);
             set.volumes.push(record.volume);
             set.classes.push(set.header.recipe.class(&split, record.volume));
             set.voxels.extend(&record.voxels);
@@ -87,6 +91,7 @@ impl LabelledSet {
             set.classes.push(header.recipe.class(split, volume));
             set.voxels.extend(&record.voxels);
             set.stencils.extend(&samples.stencils);
+            set.flights.extend(&samples.flights);
             set.radiance.extend(&record.radiance);
             set.std_error.extend(&record.std_error);
         }
@@ -101,6 +106,7 @@ impl LabelledSet {
             classes: Vec::new(),
             voxels: Vec::new(),
             stencils: HalfStencils::with_capacity(samples as usize),
+            flights: Vec::new(),
             radiance: Vec::new(),
             std_error: Vec::new(),
         }
@@ -168,8 +174,13 @@ impl LabelledSet {
         self.stencils.write(first, out);
     }
 
+    /// First flight of each sample.
+    pub fn flights(&self) -> &[FirstFlight] {
+        &self.flights
+    }
+
     /// Predicts every sample: `predict` is given the stencils of `at_a_time` samples (at least 1; fewer at the end),
-    /// ordered as [`LabelledSet::stencils`] says, and fills in one radiance each. Progress counts samples.
+    /// ordered as [`LabelledSet::stencils`] says, and their first flights, and fills in one radiance each. Progress counts samples.
     ///
     /// # Errors
     /// What `predict` returns, and [`Cancelled`].
@@ -177,7 +188,7 @@ impl LabelledSet {
         &self,
         at_a_time: usize,
         control: &Control<'_>,
-        mut predict: impl FnMut(&[f32], &mut [f32]) -> Result<(), E>,
+        mut predict: impl FnMut(&[f32], &[FirstFlight], &mut [f32]) -> Result<(), E>,
     ) -> Result<Vec<f32>, E> {
         let at_a_time = at_a_time.clamp(1, self.len().max(1));
         let mut predicted = vec![0.0; self.len()];
@@ -187,7 +198,7 @@ impl LabelledSet {
             let first = chunk * at_a_time;
             let stencils = &mut stencils[..out.len() * STENCIL_VALUES];
             self.stencils(first, stencils);
-            predict(stencils, out)?;
+            predict(stencils, &self.flights[first..first + out.len()], out)?;
             control.report((first + out.len()) as u64, self.len() as u64);
         }
         Ok(predicted)

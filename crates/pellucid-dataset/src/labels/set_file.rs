@@ -243,6 +243,9 @@ mod tests {
             std_error: None,
             shapes: vec![(ShapeClass::Slab, 1.0)],
             density: 1.0,
+            other_inks: None,
+            neighbours: None,
+            halftone: crate::Halftone::Ranked,
         };
         let recipe = Recipe {
             name: "test".into(),

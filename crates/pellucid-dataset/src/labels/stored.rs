@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use pellucid_voxel::{AIR, Control};
+use pellucid_stencil::FirstFlight;
+use pellucid_voxel::{Control, Surface, SurfaceOptions};
 
 use super::generate::{check_complete, sampler_of};
 use super::half_stencils::HalfStencils;
@@ -11,7 +12,7 @@ use super::samples::digest;
 use super::set_file::{self, Contents, Record, SetHeader, Shard};
 use crate::DatasetError;
 
-/// The volumes of a finished set, in ascending order. Their stencils are made when they are asked for.
+/// The volumes of a finished set, in ascending order. Their stencils and flights are made when they are asked for.
 #[derive(Clone, Debug)]
 pub struct StoredVolumes {
     header: SetHeader,
@@ -95,23 +96,32 @@ impl StoredVolumes {
         &self.records[at].1
     }
 
-    /// The stencils of a record's points, `[point][channel][level][z][y][x][feature]`, 1/mm.
+    /// The stencils and first flights of a record's points, ordered as in [`Samples`](crate::Samples).
     ///
     /// # Errors
     /// [`DatasetError::Unsupported`] when this version makes another volume of the recipe;
     /// [`DatasetError::Cancelled`].
-    pub(crate) fn stencils(&self, at: usize, control: &Control<'_>) -> Result<HalfStencils, DatasetError> {
+    pub(crate) fn inputs(
+        &self,
+        at: usize,
+        control: &Control<'_>,
+    ) -> Result<(HalfStencils, Vec<FirstFlight>), DatasetError> {
         let (path, record) = &self.records[at];
-        let grid = self.sampler.grid(record.volume)?;
-        let voxels: Vec<[u32; 3]> = record.voxels.iter().map(|v| v.map(u32::from)).collect();
-        if digest(&grid) != record.digest || voxels.iter().any(|v| grid.at(v.map(i64::from)) == AIR) {
-            return Err(DatasetError::foreign(
+        let another = || {
+            DatasetError::foreign(
                 path,
                 &format!("volume {}", record.volume),
                 "this version makes another one of the recipe",
                 "generate the set again",
-            ));
+            )
+        };
+        let grid = self.sampler.grid(record.volume)?;
+        if digest(&grid) != record.digest {
+            return Err(another());
         }
-        self.sampler.stencils(&grid, &voxels, control)
+        let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
+        let point = |v: &[u16; 3]| surface.index_of(v.map(u32::from));
+        let points = record.voxels.iter().map(point).collect::<Option<Vec<u32>>>().ok_or_else(another)?;
+        self.sampler.inputs(record.volume, &grid, &surface, &points, control)
     }
 }

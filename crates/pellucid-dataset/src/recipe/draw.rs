@@ -1,12 +1,19 @@
 //! The draw of each volume from a recipe: shape, size, material arrangement.
 
+use std::f64::consts::TAU;
+
+use pellucid_voxel::{Material, MaterialTable, VoxelError};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
 use crate::volume::noise::{hash, unit};
-use crate::volume::shape::{Limb, Shape};
+use crate::volume::shape::{Limb, Shape, Wave};
 use crate::volume::texture::{Dither, Pattern, Texture, random_mixture};
 use crate::{Recipe, ShapeClass, Split};
+
+/// Purposes of a volume's random numbers beside its draw (0) and its points (1).
+const OTHER_INKS: u64 = 6;
+pub(crate) const NEIGHBOURS: u64 = 7;
 
 impl Recipe {
     /// Solid and arrangement of a volume of a split, for `materials` materials of which the last is white.
@@ -29,6 +36,34 @@ impl Recipe {
     /// The shape family of a volume of a split.
     pub fn class(&self, split: &Split, volume: u32) -> ShapeClass {
         draw_class(split, &mut self.rng(split, volume, 0))
+    }
+
+    /// The materials of a volume of a split: those of `table` in the split's density, or other inks.
+    ///
+    /// # Errors
+    /// When a coefficient is past what a table holds.
+    pub(crate) fn draw_materials(
+        &self,
+        split: &Split,
+        volume: u32,
+        table: &MaterialTable,
+    ) -> Result<MaterialTable, VoxelError> {
+        let mut rng = self.rng(split, volume, OTHER_INKS);
+        let inks = split.other_inks.filter(|inks| uniform(&mut rng) < inks.share);
+        let mut factor = |most: f64| most.powf(2.0 * uniform(&mut rng) - 1.0);
+        let density = split.density * inks.map_or(1.0, |inks| factor(inks.density));
+        let mut scaled = |values: &[f32]| -> Vec<f32> {
+            let mut scale =
+                |v: &f32| (f64::from(*v) * density * inks.map_or(1.0, |inks| factor(inks.each))) as f32;
+            values.iter().map(&mut scale).collect()
+        };
+        let materials = table.materials().iter().map(|m| Material {
+            name: m.name.clone(),
+            sigma_s: scaled(&m.sigma_s),
+            sigma_a: scaled(&m.sigma_a),
+            g: m.g,
+        });
+        MaterialTable::over(table.spectrum().clone(), materials.collect())
     }
 
     fn draw_shape(&self, split: &Split, rng: &mut Pcg64) -> Shape {
@@ -84,6 +119,7 @@ impl Recipe {
                 period: between(rng, 3.0, 6.0),
                 thickness: between(rng, 0.4, 1.0),
             },
+            ShapeClass::Rock => draw_rock(rng, size),
         }
     }
 }
@@ -131,6 +167,18 @@ fn draw_blend(rng: &mut Pcg64, size: f64) -> Shape {
     Shape::Blend { limbs, fillet }
 }
 
+/// A ball of about `size` with furrows of a few millimetres and finer ones on them.
+fn draw_rock(rng: &mut Pcg64, size: f64) -> Shape {
+    let waves = (0..4 + (uniform(rng) * 5.0) as usize).map(|_| {
+        let length = 0.8 * 6f64.powf(uniform(rng));
+        let direction = random_rotation(rng)[0];
+        Wave { k: direction.map(|d| d * TAU / length), phase: TAU * uniform(rng) }
+    });
+    let waves: Vec<Wave> = waves.collect();
+    let relief = size * between(rng, 0.05, 0.25);
+    Shape::Rock { diameter: size - 2.0 * relief, relief, waves }
+}
+
 fn draw_class(split: &Split, rng: &mut Pcg64) -> ShapeClass {
     let total: f64 = split.shapes.iter().map(|(_, w)| w).sum();
     let mut left = total * uniform(rng);
@@ -161,7 +209,6 @@ fn between(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
 
 /// A rotation drawn uniformly, from a unit quaternion (Shoemake 1992).
 fn random_rotation(rng: &mut Pcg64) -> [[f64; 3]; 3] {
-    use std::f64::consts::TAU;
     let (u, a, b) = (uniform(rng), TAU * uniform(rng), TAU * uniform(rng));
     let (x, y) = ((1.0 - u).sqrt() * a.sin(), (1.0 - u).sqrt() * a.cos());
     let (z, w) = (u.sqrt() * b.sin(), u.sqrt() * b.cos());

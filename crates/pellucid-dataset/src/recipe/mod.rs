@@ -34,15 +34,17 @@ pub enum ShapeClass {
     Tube,
     /// Tapered limbs that flow into each other, as in bodies of animals.
     Blend,
-    /// Limbs that meet in the middle: a shape that training leaves out.
+    /// Limbs that meet in the middle.
     Star,
-    /// A ball cut from a gyroid's curved sheets: a shape that training leaves out.
+    /// A ball cut from a gyroid's curved sheets.
     Gyroid,
+    /// A ball with a rough, furrowed surface.
+    Rock,
 }
 
 impl ShapeClass {
     /// All families.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Cube,
         Self::RotatedCube,
         Self::Sphere,
@@ -55,6 +57,7 @@ impl ShapeClass {
         Self::Blend,
         Self::Star,
         Self::Gyroid,
+        Self::Rock,
     ];
 
     /// The name in recipes and tables.
@@ -72,6 +75,7 @@ impl ShapeClass {
             Self::Blend => "blend",
             Self::Star => "star",
             Self::Gyroid => "gyroid",
+            Self::Rock => "rock",
         }
     }
 }
@@ -94,6 +98,73 @@ pub struct Split {
     pub shapes: Vec<(ShapeClass, f64)>,
     /// Factor on all coefficients: 4 and 0.25 are the paper's Figure 11.
     pub density: f64,
+    /// Volumes of other inks; none without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other_inks: Option<OtherInks>,
+    /// Samples that see the surroundings of a neighbour; none without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub neighbours: Option<Neighbours>,
+    /// What blue noise volumes are halftoned by.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub halftone: Halftone,
+}
+
+/// Volumes whose inks are not those of the material table, so that other inks and pitches lie within what was trained on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OtherInks {
+    /// Part of the volumes, within 0..=1.
+    pub share: f64,
+    /// A volume's coefficients are all multiplied by one factor from 1 / `density` to `density`, even in its logarithm.
+    pub density: f64,
+    /// Each coefficient is multiplied by another factor from 1 / `each` to `each`, even in its logarithm.
+    pub each: f64,
+}
+
+/// Samples whose stencil is that of another surface voxel nearby, whose label and first flight are their own: what a
+/// network is asked for that is run for one point in many.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Neighbours {
+    /// Part of the points, within 0..=1.
+    pub share: f64,
+    /// Greatest distance along each axis in mm.
+    pub reach_mm: f64,
+}
+
+/// Blue noise for halftones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Halftone {
+    /// Ranked noise, a moment's work: what labelled sets were made with first.
+    #[default]
+    Ranked,
+    /// The mask that prints are halftoned with.
+    Mask,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+impl Split {
+    fn check_variety(&self) -> Result<(), (&'static str, &'static str)> {
+        if let Some(inks) = self.other_inks {
+            if !(0.0..=1.0).contains(&inks.share) {
+                return Err(("other_inks.share", "must lie within 0 to 1"));
+            }
+            if ![inks.density, inks.each].iter().all(|f| (1.0..=1000.0).contains(f)) {
+                return Err(("other_inks.density and each", "must lie within 1 to 1000"));
+            }
+        }
+        if let Some(near) = self.neighbours {
+            if !(0.0..=1.0).contains(&near.share) {
+                return Err(("neighbours.share", "must lie within 0 to 1"));
+            }
+            if !(0.0..=2.0).contains(&near.reach_mm) {
+                return Err(("neighbours.reach_mm", "must lie within 0 to 2"));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A data set. The same recipe gives the same volumes everywhere.
@@ -181,6 +252,7 @@ impl Recipe {
             if !(1e-6..=1e6).contains(&split.density) {
                 return invalid(field("density"), "must lie within 1e-6 to 1e6");
             }
+            split.check_variety().or_else(|(name, reason)| invalid(field(name), reason))?;
         }
         Ok(())
     }
@@ -217,6 +289,9 @@ mod tests {
             std_error: None,
             shapes: vec![(ShapeClass::Cube, 1.0), (ShapeClass::Slab, 1.0), (ShapeClass::Tube, 2.0)],
             density: 1.0,
+            other_inks: None,
+            neighbours: None,
+            halftone: Halftone::Ranked,
         };
         Recipe {
             name: "test".into(),

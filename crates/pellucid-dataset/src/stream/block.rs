@@ -1,5 +1,6 @@
 //! Blocks of samples: half a window of volumes, made at once.
 
+use pellucid_stencil::FirstFlight;
 use pellucid_voxel::Control;
 use rayon::prelude::*;
 
@@ -10,6 +11,7 @@ use crate::{DatasetError, Labelling, STENCIL_VALUES, Sampler, StoredVolumes};
 /// Samples of half a window of volumes, `[volume][point][channel]`.
 pub(super) struct Block {
     pub stencils: HalfStencils,
+    pub flights: Vec<FirstFlight>,
     pub radiance: Vec<f32>,
 }
 
@@ -29,24 +31,25 @@ impl Volumes {
         }
     }
 
-    /// Stencils and radiance of volume number `i` of the stream.
+    /// Stencils, flights and radiance of volume number `i` of the stream.
     fn samples(
         &self,
         i: u64,
         options: &StreamOptions,
         control: &Control<'_>,
-    ) -> Result<(HalfStencils, Vec<f32>), DatasetError> {
+    ) -> Result<(HalfStencils, Vec<FirstFlight>, Vec<f32>), DatasetError> {
         match self {
             Self::Fresh(sampler) => {
                 let labelling = Labelling::Paths(options.spp);
                 let samples = sampler.samples(i as u32, options.points, labelling, control)?;
-                Ok((samples.stencils, samples.radiance))
+                Ok((samples.stencils, samples.flights, samples.radiance))
             }
             Self::Stored(stored) => {
                 let (turn, i) = (i / stored.len() as u64, (i % stored.len() as u64) as usize);
                 let order = permutation(stored.len(), crate::recipe::draw::rng(options.seed, 5, turn));
                 let at = order[i] as usize;
-                Ok((stored.stencils(at, control)?, stored.record(at).radiance.clone()))
+                let (stencils, flights) = stored.inputs(at, control)?;
+                Ok((stencils, flights, stored.record(at).radiance.clone()))
             }
         }
     }
@@ -63,17 +66,20 @@ pub(super) fn make_block(
     let per_volume = options.points as usize * source.channels();
     let mut stencils = HalfStencils::zeros(volumes as usize * per_volume);
     let mut radiance = vec![0.0; volumes as usize * per_volume];
+    let mut flights = vec![FirstFlight::default(); radiance.len()];
     stencils
         .values_mut()
         .par_chunks_exact_mut(per_volume * STENCIL_VALUES)
+        .zip(flights.par_chunks_exact_mut(per_volume))
         .zip(radiance.par_chunks_exact_mut(per_volume))
         .enumerate()
-        .try_for_each(|(i, (stencils, radiance))| {
+        .try_for_each(|(i, ((stencils, flights), radiance))| {
             control.check()?;
             let made = source.samples(block * volumes + i as u64, options, control)?;
             stencils.copy_from_slice(made.0.values());
-            radiance.copy_from_slice(&made.1);
+            flights.copy_from_slice(&made.1);
+            radiance.copy_from_slice(&made.2);
             Ok::<(), DatasetError>(())
         })?;
-    Ok(Block { stencils, radiance })
+    Ok(Block { stencils, flights, radiance })
 }

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use pellucid_stencil::FirstFlight;
 use pellucid_trace::Boundary;
 use pellucid_voxel::{Control, MaterialTable};
 
@@ -22,7 +23,7 @@ pub use options::StreamOptions;
 ///
 /// Volumes come in blocks of half a window. A window holds the second half of one block's samples and the
 /// first half of the next one's, drawn and shuffled at random, so that most volumes appear in two windows but
-/// every sample once (but for the first half of block 0, which no window holds). Batch `i` is a function of
+/// every sample in one (but for the first half of block 0, which no window holds). Batch `i` is a function of
 /// recipe, split, materials, options and `i` only: a training run resumes at any batch, bit for bit.
 ///
 /// A background thread makes the next block while the current window is used; three blocks are in memory at
@@ -30,6 +31,7 @@ pub use options::StreamOptions;
 /// paths do not bound a stream; its volumes go on to number 2^32.
 ///
 /// ```
+/// use pellucid_stencil::FirstFlight;
 /// use pellucid_dataset::{Recipe, STENCIL_VALUES, Stream, StreamOptions};
 /// use pellucid_voxel::{Control, MaterialTable};
 /// let recipe: Recipe = serde_json::from_str(
@@ -41,21 +43,25 @@ pub use options::StreamOptions;
 /// let options = StreamOptions { batch: 16, window: 2, points: 8, spp: 8, ..StreamOptions::default() };
 /// let mut stream = Stream::new(&recipe, "train", &MaterialTable::cmykw(), options).unwrap();
 /// let (mut stencils, mut radiance) = (vec![0.0; 16 * STENCIL_VALUES], vec![0.0; 16]);
-/// stream.batch(3, &mut stencils, &mut radiance, &Control::none()).unwrap();
+/// let mut flights = vec![FirstFlight::default(); 16];
+/// stream.batch(3, &mut stencils, &mut flights, &mut radiance, &Control::none()).unwrap();
 /// assert!(radiance.iter().all(|l| (0.0..=1.0).contains(l)));
 /// ```
 pub struct Stream {
     options: StreamOptions,
     /// Samples a block, and so a window.
     samples: usize,
+    /// Batches of a window, all passes, and of one pass.
     per_window: u64,
+    per_pass: u64,
     jobs: Option<Sender<Job>>,
     made: Receiver<(u64, Result<Block, DatasetError>)>,
     worker: Option<JoinHandle<()>>,
     tickets: u64,
     asked: Vec<Asked>,
     held: Vec<(u64, Block)>,
-    window: Option<(u64, Vec<u32>)>,
+    /// The window and pass at hand, and their samples in order.
+    order: Option<((u64, u64), Vec<u32>)>,
 }
 
 /// A block asked for and not yet received.
@@ -137,7 +143,8 @@ impl Stream {
             .map_err(|e| DatasetError::Worker(e.into()))?;
         Ok(Self {
             samples: samples as usize,
-            per_window: samples / options.batch as u64,
+            per_window: samples / options.batch as u64 * u64::from(options.passes),
+            per_pass: samples / options.batch as u64,
             options,
             jobs: Some(jobs),
             made,
@@ -145,7 +152,7 @@ impl Stream {
             tickets: 0,
             asked: Vec::new(),
             held: Vec::new(),
-            window: None,
+            order: None,
         })
     }
 
@@ -160,7 +167,7 @@ impl Stream {
     }
 
     /// Writes batch `index`: `stencils` ordered `[sample][level 9][z 9][y 3][x 5][sigma_s, sigma_a]` in 1/mm,
-    /// as long as the batch times [`STENCIL_VALUES`], and `radiance`, a value a sample.
+    /// as long as the batch times [`STENCIL_VALUES`], `flights` and `radiance`, one a sample.
     ///
     /// Batches in turn are cheap; another index waits until its window is made.
     ///
@@ -171,16 +178,18 @@ impl Stream {
         &mut self,
         index: u64,
         stencils: &mut [f32],
+        flights: &mut [FirstFlight],
         radiance: &mut [f32],
         control: &Control<'_>,
     ) -> Result<(), DatasetError> {
         let batch = self.options.batch;
-        if stencils.len() != batch * STENCIL_VALUES || radiance.len() != batch {
+        if stencils.len() != batch * STENCIL_VALUES || [flights.len(), radiance.len()] != [batch; 2] {
             return Err(DatasetError::invalid(
                 "buffers",
                 format!(
-                    "{} and {} values for {batch} samples of {STENCIL_VALUES} and 1",
+                    "{}, {} and {} values for {batch} samples of {STENCIL_VALUES}, 1 and 1",
                     stencils.len(),
+                    flights.len(),
                     radiance.len()
                 ),
             ));
@@ -190,21 +199,22 @@ impl Stream {
             return Err(DatasetError::invalid("batch", format!("{index} lies past volume 2^32")));
         }
         self.hold(window, control)?;
-        if self.window.as_ref().is_none_or(|(w, _)| *w != window) {
-            self.window = Some((window, self.window_order(window)));
+        let pass = index % self.per_window / self.per_pass;
+        if self.order.as_ref().is_none_or(|(at, _)| *at != (window, pass)) {
+            self.order = Some(((window, pass), self.window_order(window, pass)));
         }
         let find = |block: u64| self.held.iter().find(|(b, _)| *b == block).map(|(_, block)| block);
-        let (Some((_, order)), Some(now), Some(later)) = (&self.window, find(window), find(window + 1))
-        else {
+        let (Some((_, order)), Some(now), Some(later)) = (&self.order, find(window), find(window + 1)) else {
             return Err(DatasetError::Worker("a block is missing".into()));
         };
-        let first = (index % self.per_window) as usize * batch;
+        let first = (index % self.per_pass) as usize * batch;
         let samples = order[first..first + batch].iter();
-        let outputs = stencils.chunks_exact_mut(STENCIL_VALUES).zip(radiance);
-        for (&sample, (stencil, radiance)) in samples.zip(outputs) {
+        let outputs = stencils.chunks_exact_mut(STENCIL_VALUES).zip(flights).zip(radiance);
+        for (&sample, ((stencil, flight), radiance)) in samples.zip(outputs) {
             let block = if sample & LATER == 0 { now } else { later };
             let at = (sample & !LATER) as usize;
             block.stencils.write(at, stencil);
+            *flight = block.flights[at];
             *radiance = block.radiance[at];
         }
         Ok(())
@@ -266,15 +276,16 @@ impl Stream {
         Ok(())
     }
 
-    /// Which samples a window holds, in order.
-    fn window_order(&self, window: u64) -> Vec<u32> {
+    /// Which samples a window holds, in the order of a pass.
+    fn window_order(&self, window: u64, pass: u64) -> Vec<u32> {
         let half = self.samples / 2;
         let order = |block| permutation(self.samples, crate::recipe::draw::rng(self.options.seed, 2, block));
         let now = order(window);
         let later = order(window + 1);
         let members: Vec<u32> =
             now[half..].iter().copied().chain(later[..half].iter().map(|&s| s | LATER)).collect();
-        permutation(members.len(), crate::recipe::draw::rng(self.options.seed, 3, window))
+        // The first pass has purpose 3, the others high numbers of their own.
+        permutation(members.len(), crate::recipe::draw::rng(self.options.seed, 3 + (pass << 32), window))
             .into_iter()
             .map(|i| members[i as usize])
             .collect()

@@ -11,6 +11,8 @@ pub struct StreamOptions {
     pub batch: usize,
     /// Volumes whose samples are shuffled together, even.
     pub window: u32,
+    /// Times that each window's samples are used, in another order and by the trainer mirrored otherwise each time.
+    pub passes: u32,
     /// Surface points drawn from each volume; each is a sample in every channel.
     pub points: u32,
     /// Paths a point and channel of the labels.
@@ -29,6 +31,7 @@ impl Default for StreamOptions {
         Self {
             batch: 256,
             window: 48,
+            passes: 1,
             points: 1024,
             spp: 64,
             boundary: Boundary::default(),
@@ -46,6 +49,7 @@ impl StreamOptions {
     pub fn check(&self) -> Result<(), DatasetError> {
         let positive = [
             ("batch", self.batch as u64),
+            ("passes", u64::from(self.passes)),
             ("points", u64::from(self.points)),
             ("spp", u64::from(self.spp)),
             ("threads", self.threads as u64),

@@ -30,8 +30,8 @@ pub fn judge_network(
         other => other.into(),
     })?;
     let mut inference = Inference::new(&network.weights, network.provenance.form, precision)?;
-    let predicted = set.predictions(CHUNK, control, |stencils, out| {
-        Ok::<_, TrainingError>(inference.radiance(stencils, out)?)
+    let predicted = set.predictions(CHUNK, control, |stencils, flights, out| {
+        Ok::<_, TrainingError>(inference.radiance(stencils, flights, out)?)
     })?;
     Ok(Judgement::of(set, &predicted)?)
 }

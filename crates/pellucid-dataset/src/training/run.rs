@@ -6,10 +6,9 @@ use std::time::{Duration, Instant};
 
 use crate::{LabelledSet, Stream};
 use pellucid_core::{Control, FileError};
-use pellucid_rpnn::Inference;
 use pellucid_rpnn::file::{Provenance, save};
 use pellucid_rpnn::train::trainer::StepReport;
-use pellucid_rpnn::train::{SampleSource, Score, Trainer};
+use pellucid_rpnn::train::{Batch, SampleSource, Score, Trainer};
 
 use super::TrainingError;
 
@@ -107,13 +106,9 @@ pub fn validate(
     labels: &LabelledSet,
     control: &Control<'_>,
 ) -> Result<Score, TrainingError> {
-    let s = trainer.settings();
-    let mut inference = Inference::new(&trainer.averaged()?, s.form, s.precision)?;
-    if let Some(set) = s.instruction_set {
-        inference = inference.with_instruction_set(set)?;
-    }
-    let predicted = labels.predictions(CHUNK, &control.silent(), |stencils, out| {
-        Ok::<_, TrainingError>(inference.radiance(stencils, out)?)
+    let mut inference = trainer.inference()?;
+    let predicted = labels.predictions(CHUNK, &control.silent(), |stencils, flights, out| {
+        Ok::<_, TrainingError>(inference.radiance(stencils, flights, out)?)
     })?;
     Ok(Score::new(&predicted, labels.radiance(), labels.std_error())?)
 }
@@ -198,10 +193,9 @@ impl SampleSource for Source<'_> {
     fn batch(
         &mut self,
         index: u64,
-        stencils: &mut [f32],
-        radiance: &mut [f32],
+        batch: Batch<'_>,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        Ok(self.stream.batch(index, stencils, radiance, &self.control)?)
+        Ok(self.stream.batch(index, batch.stencils, batch.flights, batch.radiance, &self.control)?)
     }
 }
 

@@ -96,11 +96,15 @@ pub fn provenance(
     options: &StreamOptions,
     command: &str,
 ) -> Result<Provenance, DatasetError> {
-    // Materials as the split thins or thickens them.
+    // Materials as the split thins or thickens them, other inks included.
+    let most = set.split()?.other_inks.map_or(1.0, |inks| inks.density * inks.each);
     let sampler = Sampler::new(&set.recipe, &set.split, &set.materials, options.boundary)?;
     let range = |values: &dyn Fn(&pellucid_voxel::Material) -> Vec<f32>| {
         let all: Vec<f64> = sampler.materials().materials().iter().flat_map(values).map(f64::from).collect();
-        [all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max)]
+        [
+            all.iter().copied().fold(f64::INFINITY, f64::min) / most,
+            all.iter().copied().fold(0.0, f64::max) * most,
+        ]
     };
     let s = trainer.settings();
     let validation = trainer.curve().points.iter().rev().find_map(|p| p.validation);

@@ -12,9 +12,8 @@ pub mod texture;
 
 use pellucid_voxel::{AIR, Frame, LabelGrid, Pitch, TILE, TILE_VOXELS, Tile, VoxelError};
 
-use pellucid_halftone::RankedNoise;
 use shape::Shape;
-use texture::Texture;
+use texture::{BlueNoise, Texture};
 
 /// Fills a solid with an arrangement; one voxel of air on every side.
 ///
@@ -24,7 +23,7 @@ pub fn fill(
     shape: &Shape,
     texture: &Texture,
     pitch: Pitch,
-    blue: &RankedNoise,
+    blue: &BlueNoise,
 ) -> Result<LabelGrid, VoxelError> {
     let mm = pitch.mm();
     let half: [u32; 3] = {
@@ -86,7 +85,7 @@ mod tests {
             &Shape::Sphere { diameter: 4.0 },
             &texture,
             Pitch::j750(),
-            &texture::halftone_noise(Pitch::j750()),
+            &BlueNoise::new(crate::Halftone::Ranked, Pitch::j750()),
         )
         .unwrap();
         let counts = grid.histogram();

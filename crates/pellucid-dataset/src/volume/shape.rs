@@ -78,6 +78,24 @@ pub enum Shape {
         /// Thickness of the sheets where the surface is steepest; up to 1.5 times as much elsewhere.
         thickness: f64,
     },
+    /// A ball whose surface rises and falls with a sum of waves.
+    Rock {
+        /// Diameter without the waves.
+        diameter: f64,
+        /// Height of the waves' sum above or below the ball, at the most.
+        relief: f64,
+        /// The waves.
+        waves: Vec<Wave>,
+    },
+}
+
+/// A plane wave, cos(k p + phase).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wave {
+    /// Wave vector k in 1/mm.
+    pub k: [f64; 3],
+    /// Its phase.
+    pub phase: f64,
 }
 
 /// A tapered rod with rounded ends; lengths in mm.
@@ -128,7 +146,8 @@ fn box_distance(excess: &[f64]) -> f64 {
 
 impl Shape {
     /// Signed distance in mm to the surface, negative inside; exact but near a bowl's rim, where it is a
-    /// lower bound outside and an upper bound of the depth inside.
+    /// lower bound outside and an upper bound of the depth inside, and for tapered limbs, gyroids and rocks, where it
+    /// bounds both from below.
     pub fn distance(&self, p: [f64; 3]) -> f64 {
         match self {
             Self::Box { edges, turn } => {
@@ -178,6 +197,12 @@ impl Shape {
                 let sheet = level.abs() / (wave * 3f64.sqrt()) - 0.5 * thickness;
                 sheet.max(dot(p, p).sqrt() - 0.5 * diameter)
             }
+            Self::Rock { diameter, relief, waves } => {
+                let part = relief / waves.len().max(1) as f64;
+                let height: f64 = waves.iter().map(|w| part * (dot(w.k, p) + w.phase).cos()).sum();
+                let steepness: f64 = waves.iter().map(|w| part * dot(w.k, w.k).sqrt()).sum();
+                (dot(p, p).sqrt() - 0.5 * diameter - height) / (1.0 + steepness)
+            }
         }
     }
 
@@ -191,6 +216,7 @@ impl Shape {
                 [0.5 * diameter; 3]
             }
             Self::Gyroid { diameter, .. } => [0.5 * diameter; 3],
+            Self::Rock { diameter, relief, .. } => [0.5 * diameter + relief; 3],
             Self::Star { limbs, radius } => {
                 std::array::from_fn(|a| limbs.iter().map(|limb| limb[a].abs()).fold(0.0, f64::max) + radius)
             }
@@ -240,6 +266,14 @@ mod tests {
                 fillet: 0.7,
             },
             Shape::Gyroid { diameter: 8.0, period: 4.0, thickness: 0.6 },
+            Shape::Rock {
+                diameter: 6.0,
+                relief: 1.0,
+                waves: vec![
+                    Wave { k: [2.0, 0.5, 0.0], phase: 0.3 },
+                    Wave { k: [-1.0, 2.0, 3.0], phase: 1.0 },
+                ],
+            },
         ];
         for shape in shapes {
             let reach = shape.reach();

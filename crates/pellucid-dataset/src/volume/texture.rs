@@ -4,15 +4,49 @@
 use rand_core::Rng;
 use serde::{Deserialize, Serialize};
 
-use pellucid_halftone::RankedNoise;
-use pellucid_voxel::{Frame, Pitch};
+use pellucid_halftone::{BlueNoiseMask, RankedNoise};
+use pellucid_voxel::{Control, Frame, Pitch};
+
+use crate::Halftone;
 
 use crate::volume::noise::{FractalNoise, GradientNoise, Lattice, VoronoiCells, hash, unit};
 
-/// Thresholds of the halftone that a refinement loop would use; the same for every recipe of a pitch.
-pub fn halftone_noise(pitch: Pitch) -> RankedNoise {
-    RankedNoise::new(pitch, |i| unit(hash(0xb1e, i as i64, 0, 0)))
+/// Thresholds of blue noise; the same for every recipe of a pitch.
+#[derive(Clone, Debug)]
+pub enum BlueNoise {
+    /// [`Halftone::Ranked`].
+    Ranked(RankedNoise),
+    /// [`Halftone::Mask`].
+    Mask(BlueNoiseMask),
 }
+
+impl BlueNoise {
+    /// Makes the thresholds.
+    pub fn new(halftone: Halftone, pitch: Pitch) -> Self {
+        match halftone {
+            Halftone::Ranked => Self::Ranked(RankedNoise::new(pitch, |i| unit(hash(0xb1e, i as i64, 0, 0)))),
+            // Nothing cancels it.
+            Halftone::Mask => BlueNoiseMask::new(pitch, MASK_SEED, &Control::none())
+                .map_or_else(|_| Self::new(Halftone::Ranked, pitch), Self::Mask),
+        }
+    }
+
+    /// The threshold of a voxel anywhere, within 0..1.
+    pub fn at(&self, voxel: [i64; 3]) -> f64 {
+        match self {
+            Self::Ranked(noise) => noise.at(voxel),
+            Self::Mask(mask) => {
+                let size = mask.size();
+                let within: [u32; 3] =
+                    std::array::from_fn(|a| voxel[a].rem_euclid(i64::from(size[a])) as u32);
+                f64::from(mask.threshold(within))
+            }
+        }
+    }
+}
+
+/// Seed of the mask: another than a print's by default.
+const MASK_SEED: u64 = 20_211;
 
 /// Volume fractions of the materials, in label order; sum 1.
 pub type Mixture = Vec<f64>;
@@ -83,7 +117,7 @@ impl Texture {
     }
 
     /// Something that labels the voxels of a tile whose first voxel is `base`.
-    pub fn painter<'a>(&'a self, blue: &'a RankedNoise, frame: &'a Frame, base: [i64; 3]) -> Painter<'a> {
+    pub fn painter<'a>(&'a self, blue: &'a BlueNoise, frame: &'a Frame, base: [i64; 3]) -> Painter<'a> {
         let offset = hash(self.seed ^ 0x5eed, 0, 0, 0);
         let place = move |local: [usize; 3]| {
             frame.centre_mm(std::array::from_fn(|a| base[a] + local[a] as i64)).map(|v| v / self.scale_mm)
@@ -120,7 +154,7 @@ impl Texture {
 #[derive(Clone, Debug)]
 pub struct Painter<'a> {
     texture: &'a Texture,
-    blue: &'a RankedNoise,
+    blue: &'a BlueNoise,
     frame: &'a Frame,
     base: [i64; 3],
     coarse: Option<Lattice>,
@@ -241,7 +275,7 @@ mod tests {
 
     /// The labels of a box of voxels, all at one depth.
     fn labels(texture: &Texture, size: [usize; 3], depth: f64) -> Vec<u8> {
-        let blue = halftone_noise(Pitch::j750());
+        let blue = BlueNoise::new(Halftone::Ranked, Pitch::j750());
         let frame = Frame::new([0.0; 3], Pitch::j750(), size.map(|s| s as u32)).unwrap();
         let mut painters = std::collections::HashMap::new();
         (0..size.iter().product())
@@ -268,7 +302,7 @@ mod tests {
             core: vec![0.5, 0.5],
             dither: Dither::White,
         };
-        let blue = halftone_noise(Pitch::j750());
+        let blue = BlueNoise::new(Halftone::Ranked, Pitch::j750());
         let frame = Frame::new([0.0; 3], Pitch::j750(), [256; 3]).unwrap();
         let mut worst = 0.0f64;
         for tile in 0..100i64 {

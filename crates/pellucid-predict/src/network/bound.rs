@@ -1,66 +1,132 @@
 //! One object under the network.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
-use pellucid_core::{Control, InstructionSet};
-use pellucid_rpnn::Inference;
-use pellucid_rpnn::variant::{CELLS_XYZ, INPUTS, LEVEL_INPUTS};
-use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
+use pellucid_core::Control;
+use pellucid_rpnn::variant::Head;
+use pellucid_stencil::{FirstFlight, FirstFlights};
 use pellucid_voxel::{CountSat, LabelGrid};
 use rayon::prelude::*;
 
 use super::Network;
+use super::evaluate::{Engine, Outputs};
+use super::nodes::Nodes;
 use super::trained_range::TrainedRange;
 use crate::labels::{KeptLabels, Update};
 use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError, Sharing};
 
-/// Points whose stencils are in memory at a time, a thread: 7 MB in three channels, half of it where they share
-/// coarse levels.
-const CHUNK: usize = 256;
+/// Points that a thread composes at a time.
+const CHUNK: usize = 1024;
 
 pub(super) struct BoundNetwork {
     object: Arc<Object>,
     sharing: Option<Sharing>,
-    coefficients: Coefficients,
-    trained: TrainedRange,
-    instruction_set: InstructionSet,
+    /// Where the network is run for points that share; geometry alone decides.
+    nodes: Option<Nodes>,
+    engine: Engine,
     labels: KeptLabels,
     table: Option<CountSat>,
-    /// Clones share its weights.
-    inference: Inference,
-    /// What idle threads left for the next chunk.
-    scratch: Mutex<Vec<Scratch>>,
-}
-
-/// What a thread works with.
-struct Scratch {
-    inference: Inference,
-    stencils: Vec<f32>,
 }
 
 impl BoundNetwork {
     pub(super) fn new(network: &Network, object: Arc<Object>) -> Result<Self, PredictError> {
+        let inference = network.inference()?;
+        let spaced = network.sharing.filter(|s| s.spacing_mm > 0.0 && inference.head() == Head::FirstFlight);
+        let nodes = match spaced {
+            Some(sharing) => Some(Nodes::new(object.surface(), sharing.spacing_mm, &Control::none())?),
+            None => None,
+        };
+        let coefficients = Network::coefficients(&object)?;
+        let trained = TrainedRange::new(&network.trained.provenance);
         Ok(Self {
-            coefficients: Network::coefficients(&object)?,
             sharing: network.sharing,
-            trained: TrainedRange::new(&network.trained.provenance),
-            instruction_set: network.instruction_set,
+            nodes,
+            engine: Engine::new(inference, coefficients, trained, network.instruction_set),
             labels: KeptLabels::default(),
             table: None,
-            inference: network.inference()?,
-            scratch: Mutex::new(Vec::new()),
             object,
         })
     }
 
-    fn take_scratch(&self) -> Scratch {
-        let left = self.scratch.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        left.unwrap_or_else(|| Scratch { inference: self.inference.clone(), stencils: Vec::new() })
+    /// Outputs at surface points.
+    fn outputs(
+        &self,
+        labels: &LabelGrid,
+        points: impl Iterator<Item = u32>,
+        control: &Control<'_>,
+    ) -> Result<Outputs, PredictError> {
+        let Some(table) = &self.table else { return Err(PredictError::before_update()) };
+        let surface = self.object.surface();
+        let voxels: Vec<[u32; 3]> = points.map(|p| surface.voxels()[p as usize]).collect();
+        self.engine.outputs(labels, table, self.sharing, &voxels, control)
     }
 
-    fn leave_scratch(&self, scratch: Scratch) {
-        self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
+    /// First flights of some points, `[point][channel]`.
+    fn flights<'a>(&'a self, labels: &'a LabelGrid) -> Result<FirstFlights<'a>, PredictError> {
+        let object = &self.object;
+        Ok(FirstFlights::new(object.materials(), labels, object.surface(), object.refractive_index())?)
+    }
+
+    /// Every point on its own.
+    fn predict_each(
+        &self,
+        labels: &LabelGrid,
+        points: &[u32],
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<u64, PredictError> {
+        let outputs = self.outputs(labels, points.iter().copied(), control)?;
+        let mut flown = Vec::new();
+        if self.engine.head() == Head::FirstFlight {
+            flown.resize(out.len(), FirstFlight::default());
+            self.flights(labels)?.extract(points, &mut flown, &control.silent())?;
+        }
+        self.engine.head().radiance(&outputs.values, &flown, out);
+        Ok(outputs.outside.iter().filter(|outside| **outside).count() as u64)
+    }
+
+    /// First flights of their own, what follows them from the nodes about each point.
+    fn predict_between(
+        &self,
+        nodes: &Nodes,
+        labels: &LabelGrid,
+        points: &[u32],
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<u64, PredictError> {
+        let needed = nodes.needed(points);
+        let outputs = self.outputs(labels, needed.iter().map(|&n| nodes.points()[n as usize]), control)?;
+        let mut place = vec![0u32; nodes.points().len()];
+        (0..).zip(&needed).for_each(|(i, &node)| place[node as usize] = i);
+        let flights = self.flights(labels)?;
+        let channels = self.object.channels();
+        let row = channels * Head::MOST_OUTPUTS;
+        let outside = AtomicU64::new(0);
+        points.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK * channels)).try_for_each(
+            |(points, out)| {
+                control.check()?;
+                let mut flown = vec![FirstFlight::default(); out.len()];
+                flights.extract(points, &mut flown, &Control::none())?;
+                let mut after = vec![0.0; points.len() * row];
+                let mut count = 0;
+                for (&point, after) in points.iter().zip(after.chunks_exact_mut(row)) {
+                    let (near, weights) = nodes.near(point);
+                    for (&node, &weight) in near.iter().zip(weights) {
+                        let at = place[node as usize] as usize;
+                        let values = &outputs.values[at * row..][..row];
+                        after.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+                    }
+                    let closest = place[near[0] as usize] as usize;
+                    let beyond = &outputs.outside[closest * channels..][..channels];
+                    count += beyond.iter().filter(|outside| **outside).count() as u64;
+                }
+                Head::FirstFlight.radiance(&after, &flown, out);
+                outside.fetch_add(count, Ordering::Relaxed);
+                Ok::<(), PredictError>(())
+            },
+        )?;
+        Ok(outside.into_inner())
     }
 }
 
@@ -91,114 +157,13 @@ impl BoundPredictor for BoundNetwork {
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<Diagnostics, PredictError> {
-        let (Some(labels), Some(table)) = (self.labels.current(), &self.table) else {
-            return Err(PredictError::before_update());
-        };
+        let Some(labels) = self.labels.current() else { return Err(PredictError::before_update()) };
         self.object.check_points(points, out.len())?;
         control.check()?;
-        let stencils = |spec| Stencils::new(spec, labels, table)?.with_instruction_set(self.instruction_set);
-        let volume = Volume {
-            whole: stencils(StencilSpec::paper())?,
-            fine: match self.sharing {
-                Some(sharing) => {
-                    let spec = StencilSpec::new(CELLS_XYZ, sharing.fine_levels)?;
-                    Some((sharing, stencils(spec)?))
-                }
-                None => None,
-            },
-            coefficients: &self.coefficients,
-            trained: self.trained,
-            size: labels.size(),
+        let outside_training = match &self.nodes {
+            Some(nodes) => self.predict_between(nodes, labels, points, out, control)?,
+            None => self.predict_each(labels, points, out, control)?,
         };
-        let surface = self.object.surface();
-        let voxels: Vec<[u32; 3]> = points.iter().map(|&p| surface.voxels()[p as usize]).collect();
-        let order = volume.order(&voxels);
-        let (done, outside) = (AtomicU64::new(0), AtomicU64::new(0));
-        let predicted = order
-            .par_chunks(CHUNK)
-            .map(|chunk| -> Result<Vec<f32>, PredictError> {
-                control.check()?;
-                let near: Vec<[u32; 3]> = chunk.iter().map(|&i| voxels[i as usize]).collect();
-                let mut scratch = self.take_scratch();
-                let (radiance, count) = volume.predict(&near, &mut scratch)?;
-                self.leave_scratch(scratch);
-                outside.fetch_add(count, Ordering::Relaxed);
-                control.advance(&done, chunk.len() as u64, points.len() as u64);
-                Ok(radiance)
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let channels = self.object.channels();
-        for (chunk, radiance) in order.chunks(CHUNK).zip(&predicted) {
-            for (&i, radiance) in chunk.iter().zip(radiance.chunks_exact(channels)) {
-                out[i as usize * channels..][..channels].copy_from_slice(radiance);
-            }
-        }
-        Ok(Diagnostics { outside_training: outside.into_inner(), ..Diagnostics::default() })
-    }
-}
-
-/// The object's labels as stencils are taken from them.
-struct Volume<'a> {
-    /// All levels, for points on their own and for blocks.
-    whole: Stencils<'a>,
-    /// The finest levels of points that share the others.
-    fine: Option<(Sharing, Stencils<'a>)>,
-    coefficients: &'a Coefficients,
-    trained: TrainedRange,
-    size: [u32; 3],
-}
-
-impl Volume<'_> {
-    /// An order in which points that share a block come one after another, and neighbouring blocks close together.
-    fn order(&self, voxels: &[[u32; 3]]) -> Vec<u32> {
-        match self.fine {
-            Some((sharing, _)) => {
-                near_order(&voxels.iter().map(|v| sharing.centre(*v, self.size)).collect::<Vec<_>>())
-            }
-            None => near_order(voxels),
-        }
-    }
-
-    /// Radiance of some voxels `[voxel][channel]`, and how many of the values lie outside what training saw.
-    fn predict(&self, voxels: &[[u32; 3]], scratch: &mut Scratch) -> Result<(Vec<f32>, u64), PredictError> {
-        let mut radiance = vec![0.0; voxels.len() * self.coefficients.channels()];
-        let Some((sharing, fine)) = &self.fine else {
-            self.extract(&self.whole, voxels, &mut scratch.stencils)?;
-            scratch.inference.radiance(&scratch.stencils, &mut radiance)?;
-            let outside = scratch.stencils.chunks_exact(INPUTS).filter(|s| self.trained.misses(s)).count();
-            return Ok((radiance, outside as u64));
-        };
-        let mut blocks: Vec<[u32; 3]> = Vec::new();
-        let mut block_of = Vec::with_capacity(voxels.len());
-        for centre in voxels.iter().map(|v| sharing.centre(*v, self.size)) {
-            if blocks.last() != Some(&centre) {
-                blocks.push(centre);
-            }
-            block_of.push(blocks.len() as u32 - 1);
-        }
-        let channels = self.coefficients.channels() as u32;
-        let places: Vec<u32> =
-            block_of.iter().flat_map(|b| (0..channels).map(move |c| b * channels + c)).collect();
-        let Scratch { inference, stencils } = scratch;
-        self.extract(&self.whole, &blocks, stencils)?;
-        let own = sharing.fine_levels * LEVEL_INPUTS;
-        let beyond: Vec<bool> =
-            stencils.chunks_exact(INPUTS).map(|s| self.trained.exceeds(&s[own..])).collect();
-        let states = inference.coarse_states(sharing.fine_levels, stencils)?;
-        self.extract(fine, voxels, stencils)?;
-        inference.radiance_near(&states, &places, stencils, &mut radiance)?;
-        let samples = stencils.chunks_exact(own).zip(&places);
-        let outside = samples.filter(|(s, p)| self.trained.misses(s) || beyond[**p as usize]).count();
-        Ok((radiance, outside as u64))
-    }
-
-    fn extract(
-        &self,
-        of: &Stencils<'_>,
-        voxels: &[[u32; 3]],
-        stencils: &mut Vec<f32>,
-    ) -> Result<(), PredictError> {
-        stencils.resize(voxels.len() * self.coefficients.values_per_point(of.spec()), 0.0);
-        Ok(of.extract(self.coefficients, voxels, stencils, &Control::none())?)
+        Ok(Diagnostics { outside_training, ..Diagnostics::default() })
     }
 }

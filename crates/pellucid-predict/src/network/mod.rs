@@ -1,12 +1,15 @@
 //! The appearance network as a predictor.
 
 mod bound;
+mod evaluate;
+mod nodes;
 mod trained_range;
 
 use std::sync::Arc;
 
 use pellucid_core::InstructionSet;
 use pellucid_rpnn::transform::LevelOrder;
+use pellucid_rpnn::variant::Head;
 use pellucid_rpnn::{Inference, Precision, RpnnError, TrainedNetwork};
 use pellucid_stencil::{Coefficients, Features, StencilError};
 
@@ -33,23 +36,23 @@ impl Network {
     /// first.
     pub fn new(trained: impl Into<Arc<TrainedNetwork>>, precision: Precision) -> Self {
         let trained = trained.into();
-        let sharing = (trained.provenance.form.order == LevelOrder::CoarseToFine).then(Sharing::default);
+        let sharing = Some(Sharing::default()).map(|s| possible(&trained, s));
         let instruction_set = InstructionSet::chosen();
         Self { digest: trained.weights.digest(), trained, precision, sharing, instruction_set }
     }
 
-    /// The same with another way of sharing, or with all levels of every point its own.
+    /// The same with another way of sharing, or with all of every point its own.
     ///
     /// # Errors
-    /// [`PredictError`] when the block's edge is even, there are not 1 to 8 fine levels, or the weights read their
-    /// levels from fine to coarse.
+    /// [`PredictError::Invalid`] as [`Sharing::check`] says; [`PredictError::Unsupported`] when levels are to be shared
+    /// that the weights read from fine to coarse.
     pub fn with_sharing(mut self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
         if let Some(sharing) = sharing {
             sharing.check()?;
-            if self.trained.provenance.form.order != LevelOrder::CoarseToFine {
+            if sharing.shares_levels() && self.trained.provenance.form.order != LevelOrder::CoarseToFine {
                 return Err(PredictError::unsupported(
                     "sharing",
-                    "the weights read their levels from fine to coarse; give every point all levels of its own",
+                    "the weights read their levels from fine to coarse; give every point all 9 levels of its own",
                 ));
             }
         }
@@ -57,14 +60,14 @@ impl Network {
         Ok(self)
     }
 
-    /// The same with `sharing` where the weights read coarse levels first; otherwise every point has all of its own.
+    /// The same with `sharing` as far as the weights allow it: levels are shared where they read coarse ones first.
     ///
     /// # Errors
-    /// [`PredictError::Invalid`] when the block's edge is even or there are not 1 to 8 fine levels.
+    /// [`PredictError::Invalid`] as [`Sharing::check`] says.
     pub fn with_sharing_where_possible(self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
         sharing.map_or(Ok(()), Sharing::check)?;
-        let possible = self.trained.provenance.form.order == LevelOrder::CoarseToFine;
-        self.with_sharing(sharing.filter(|_| possible))
+        let sharing = sharing.map(|s| possible(&self.trained, s));
+        self.with_sharing(sharing)
     }
 
     /// The same on other instructions than [`InstructionSet::chosen`]; values differ by rounding. The identity records
@@ -91,7 +94,7 @@ impl Network {
         &self.trained
     }
 
-    /// How points share coarse levels.
+    /// What points share.
     pub fn sharing(&self) -> Option<Sharing> {
         self.sharing
     }
@@ -106,22 +109,45 @@ impl Network {
     }
 }
 
+/// `sharing` without what the weights' order of levels does not allow.
+fn possible(trained: &TrainedNetwork, sharing: Sharing) -> Sharing {
+    match trained.provenance.form.order {
+        LevelOrder::CoarseToFine => sharing,
+        LevelOrder::FineToCoarse => Sharing { fine_levels: 9, ..sharing },
+    }
+}
+
+/// A way of sharing in words; `spaced` where the network can be run for points apart.
+fn described(sharing: Sharing, spaced: bool) -> String {
+    let place = match sharing.spacing_mm > 0.0 && spaced {
+        true => format!("run every {} mm", sharing.spacing_mm),
+        false => "run for every point".to_owned(),
+    };
+    match sharing.shares_levels() {
+        true => format!(
+            "{place}, {} levels of its own, the others of a block of {}",
+            sharing.fine_levels, sharing.block
+        ),
+        false => format!("{place}, all levels of its own"),
+    }
+}
+
 impl Predictor for Network {
     fn identity(&self) -> Identity {
         let TrainedNetwork { weights, provenance } = &*self.trained;
+        let head = weights.head();
         let history = provenance.history.lines().map(str::to_owned).collect();
         let weights = WeightsIdentity {
             digest: self.digest.clone(),
             variant: weights.variant().name().to_owned(),
             history,
         };
-        let sharing = self.sharing.map_or_else(
-            || "none".to_owned(),
-            |s| format!("{} levels of a point's own, the others of a block of {}", s.fine_levels, s.block),
-        );
+        let spaced = head == Head::FirstFlight;
+        let sharing = self.sharing.map_or_else(|| "none".to_owned(), |s| described(s, spaced));
         // The least set with these values, so that equal values are recorded alike.
         let set = self.inference().map_or(self.instruction_set, |i| i.instruction_set());
         Identity::new("rpnn", set, false)
+            .with("head", head.name().to_owned())
             .with("precision", format!("{:?}", self.precision).to_lowercase())
             .with("sharing", sharing)
             .with_weights(weights)

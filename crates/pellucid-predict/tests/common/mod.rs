@@ -3,6 +3,7 @@
 
 use pellucid_predict::{Network, Sharing};
 use pellucid_rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
+use pellucid_rpnn::variant::Head;
 use pellucid_rpnn::{Precision, Provenance, TrainedNetwork, Variant, Weights};
 use pellucid_voxel::Pitch;
 
@@ -19,13 +20,13 @@ pub fn provenance() -> Provenance {
 
 /// One that takes a tenth of the time: no octants, and all levels but one shared.
 pub fn small_network() -> Network {
-    let weights = Weights::initial(Variant::SharedLevels, 2, 8.0);
+    let weights = Weights::initial(Variant::SharedLevels, Head::Radiance, 2, 8.0);
     let trained = TrainedNetwork { weights, provenance: provenance() };
     let sharing = Sharing { fine_levels: 1, ..Sharing::default() };
     Network::new(trained, Precision::F32).with_sharing(Some(sharing)).unwrap()
 }
 
 pub fn network(provenance: Provenance) -> Network {
-    let weights = Weights::initial(Variant::SharedLevelsAndOctants, 2, 8.0);
+    let weights = Weights::initial(Variant::SharedLevelsAndOctants, Head::Radiance, 2, 8.0);
     Network::new(TrainedNetwork { weights, provenance }, Precision::F32)
 }

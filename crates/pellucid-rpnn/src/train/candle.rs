@@ -2,9 +2,8 @@
 
 use candle_core::{Device, Tensor};
 
-use crate::block::through_output;
 use crate::reference::CandleNetwork;
-use crate::variant::{LEVEL_INPUTS, LEVELS};
+use crate::variant::{Head, LEVEL_INPUTS, LEVELS};
 use crate::{Precision, RpnnError, Weights};
 
 /// The network, and the outputs of the last forward pass before their ReLU.
@@ -42,26 +41,22 @@ impl CandlePasses {
             }
             None => CandleNetwork::new(weights)?,
         };
-        let inputs = Tensor::from_slice(inputs, (out.len(), LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
+        let head = weights.head();
+        let samples = out.len() / head.outputs();
+        let inputs = Tensor::from_slice(inputs, (samples, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
         let sums = self.network.insert(network).sums(&inputs)?;
-        for (out, sum) in out.iter_mut().zip(sums.to_vec1::<f32>()?) {
-            *out = sum.max(0.0);
+        for (out, sum) in out.iter_mut().zip(sums.flatten_all()?.to_vec1::<f32>()?) {
+            *out = if head == Head::Radiance { sum.max(0.0) } else { sum };
         }
         self.sums = Some(sums);
         Ok(())
     }
 
-    pub(super) fn backward(
-        &mut self,
-        out: &[f32],
-        d_out: &[f32],
-        gradient: &mut [f32],
-    ) -> Result<(), RpnnError> {
+    pub(super) fn backward(&mut self, d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
         let (Some(network), Some(sums)) = (&self.network, self.sums.take()) else {
             return Err(RpnnError::invalid("gradient", "no forward pass precedes it"));
         };
-        let d_sums: Vec<f32> = out.iter().zip(d_out).map(|(&out, &d)| through_output(out, d)).collect();
-        let d_sums = Tensor::from_vec(d_sums, out.len(), &Device::Cpu)?;
+        let d_sums = Tensor::from_slice(d_out, sums.shape(), &Device::Cpu)?;
         // The scalar whose derivative by each sum is the loss's.
         let gradients = (sums * d_sums)?.sum_all()?.backward()?;
         Ok(network.add_gradients(&gradients, gradient)?)

@@ -80,7 +80,7 @@ impl Trainer {
         }
         header.settings.check()?;
         let tensors = SafeTensors::deserialize(&bytes).map_err(|e| damaged(e.to_string()))?;
-        let parameters = header.settings.variant.parameters();
+        let parameters = header.settings.variant.layout(header.settings.head).parameters;
         let read = |name: &str| -> Result<Vec<f32>, RpnnError> {
             let tensor = tensors.tensor(name).map_err(|e| damaged(format!("{name}: {e}")))?;
             if tensor.dtype() != Dtype::F32 || tensor.shape() != [parameters] {
@@ -99,7 +99,7 @@ impl Trainer {
         optimiser.first = read(first)?;
         optimiser.second = read(second)?;
         let state = State {
-            weights: Weights::new(header.settings.variant, read(weights)?)?,
+            weights: Weights::new(header.settings.variant, header.settings.head, read(weights)?)?,
             optimiser,
             curve: header.curve,
             pending: header.pending,

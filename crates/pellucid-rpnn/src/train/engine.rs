@@ -30,7 +30,8 @@ impl Passes {
     pub(super) fn new(engine: Engine, settings: &TrainSettings) -> Result<Self, RpnnError> {
         match engine {
             Engine::Own => {
-                let mut network = Network::new(settings.variant, settings.batch, settings.precision)?;
+                let mut network =
+                    Network::new(settings.variant, settings.head, settings.batch, settings.precision)?;
                 if let Some(set) = settings.instruction_set {
                     network = network.with_instruction_set(set)?;
                 }
@@ -66,17 +67,12 @@ impl Passes {
         }
     }
 
-    /// As [`Network::backward`], cut-off outputs included.
-    pub(super) fn backward(
-        &mut self,
-        out: &[f32],
-        d_out: &[f32],
-        gradient: &mut [f32],
-    ) -> Result<(), RpnnError> {
+    /// As [`Network::backward`].
+    pub(super) fn backward(&mut self, d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
         match self {
-            Self::Own(network) => network.backward(out, d_out, gradient),
+            Self::Own(network) => network.backward(d_out, gradient),
             #[cfg(feature = "candle")]
-            Self::Candle(passes) => passes.backward(out, d_out, gradient),
+            Self::Candle(passes) => passes.backward(d_out, gradient),
         }
     }
 }

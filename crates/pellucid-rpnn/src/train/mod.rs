@@ -26,17 +26,27 @@ pub use score::Score;
 pub use settings::TrainSettings;
 pub use trainer::Trainer;
 
+use crate::variant::FirstFlight;
+#[cfg(doc)]
+use crate::variant::Head;
+
+/// The samples of a batch, to be filled in.
+#[derive(Debug)]
+pub struct Batch<'a> {
+    /// Raw coefficients in 1/mm, `[sample][level][cell z][cell y][cell x][sigma_s, sigma_a]`.
+    pub stencils: &'a mut [f32],
+    /// First flights, one a sample: what [`Head::FirstFlight`] needs. Networks with the other head ignore them.
+    pub flights: &'a mut [FirstFlight],
+    /// Labels, one a sample.
+    pub radiance: &'a mut [f32],
+}
+
 /// An endless stream of training samples of which any batch can be asked for.
 pub trait SampleSource {
-    /// Fills batch `index`: `stencils` with raw coefficients in 1/mm, `[sample][level][cell z][cell y][cell
-    /// x][sigma_s, sigma_a]`, and `radiance` with one label a sample. The same index gives the same samples.
+    /// Fills batch `index`. The same index gives the same samples.
     ///
     /// # Errors
     /// Whatever keeps the source from making the batch.
-    fn batch(
-        &mut self,
-        index: u64,
-        stencils: &mut [f32],
-        radiance: &mut [f32],
-    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>>;
+    fn batch(&mut self, index: u64, batch: Batch<'_>)
+    -> Result<(), Box<dyn std::error::Error + Send + Sync>>;
 }

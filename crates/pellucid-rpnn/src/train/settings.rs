@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adamw::AdamWSettings;
 use crate::transform::{FeatureTransform, InputForm, LevelOrder};
+use crate::variant::Head;
 use crate::{Precision, RpnnError, Variant};
 
 /// Settings of a [`Trainer`](super::Trainer). The defaults are for the shipped network.
@@ -12,6 +13,9 @@ use crate::{Precision, RpnnError, Variant};
 pub struct TrainSettings {
     /// The architecture.
     pub variant: Variant,
+    /// What the last layer gives; checkpoints of before there was a choice give radiance.
+    #[serde(default)]
+    pub head: Head,
     /// Steps of the whole run; the schedule ends there.
     pub steps: u64,
     /// Samples a step.
@@ -31,8 +35,10 @@ pub struct TrainSettings {
     pub form: InputForm,
     /// Number format of the products.
     pub precision: Precision,
-    /// Radiance that the untrained network starts near.
-    pub mean_radiance: f32,
+    /// What the untrained network's outputs start near: the mean radiance, or the mean throughput after the first
+    /// flight.
+    #[serde(alias = "mean_radiance")]
+    pub mean_output: f32,
     /// Instruction set of this crate's own engine, or `None` for [`InstructionSet::chosen`]. Runs on different sets
     /// drift apart by rounding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -43,6 +49,7 @@ impl Default for TrainSettings {
     fn default() -> Self {
         Self {
             variant: Variant::SharedLevelsAndOctants,
+            head: Head::FirstFlight,
             steps: 60_000,
             batch: 256,
             peak_rate: 1.5e-3,
@@ -52,7 +59,7 @@ impl Default for TrainSettings {
             seed: 1,
             form: InputForm { transform: FeatureTransform::Log, order: LevelOrder::CoarseToFine },
             precision: Precision::F32,
-            mean_radiance: 0.4,
+            mean_output: Head::FirstFlight.mean_output(),
             instruction_set: None,
         }
     }
@@ -86,8 +93,8 @@ impl TrainSettings {
                 format!("{} with {} of warm-up; at least one must follow", self.steps, self.warm_up),
             ));
         }
-        if !self.mean_radiance.is_finite() {
-            return Err(RpnnError::invalid("mean radiance", "must be a number"));
+        if !self.mean_output.is_finite() {
+            return Err(RpnnError::invalid("mean output", "must be a number"));
         }
         if let Some(set) = self.instruction_set {
             set.require().map_err(RpnnError::Unsupported)?;
@@ -129,7 +136,7 @@ mod tests {
             TrainSettings { batch: 0, ..good.clone() },
             TrainSettings { steps: 200, ..good.clone() },
             TrainSettings { peak_rate: f64::NAN, ..good.clone() },
-            TrainSettings { mean_radiance: f32::INFINITY, ..good.clone() },
+            TrainSettings { mean_output: f32::INFINITY, ..good.clone() },
             TrainSettings { optimiser: AdamWSettings { beta2: 1.0, ..Default::default() }, ..good.clone() },
             TrainSettings { optimiser: AdamWSettings { weight_decay: -1.0, ..Default::default() }, ..good },
         ];

@@ -5,26 +5,27 @@ use std::time::Instant;
 
 use super::augment::Augment;
 use super::engine::Passes;
-use super::{Curve, CurvePoint, Engine, SampleSource, Score, TrainSettings};
+use super::{Batch, Curve, CurvePoint, Engine, SampleSource, Score, TrainSettings};
 use crate::adamw::AdamW;
-use crate::variant::INPUTS;
+use crate::variant::{FirstFlight, INPUTS};
 use crate::{Inference, RpnnError, Weights};
 
 /// A training run: weights, optimiser and curve. One step after another is a pure function of the
 /// settings, the source and the engine, so a run that was stopped goes on as if it had not been.
 ///
 /// ```
-/// use pellucid_rpnn::train::{SampleSource, TrainSettings, Trainer};
+/// use pellucid_rpnn::train::{Batch, SampleSource, TrainSettings, Trainer};
+/// use pellucid_rpnn::variant::FirstFlight;
 /// struct Glow;
 /// impl SampleSource for Glow {
 ///     fn batch(
 ///         &mut self,
 ///         index: u64,
-///         stencils: &mut [f32],
-///         radiance: &mut [f32],
+///         batch: Batch<'_>,
 ///     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-///         stencils.fill(0.1 * index as f32);
-///         radiance.fill(0.5);
+///         batch.stencils.fill(0.1 * index as f32);
+///         batch.flights.fill(FirstFlight { masses: [0.2, 0.5, 0.2], ..FirstFlight::default() });
+///         batch.radiance.fill(0.5);
 ///         Ok(())
 ///     }
 /// }
@@ -53,9 +54,12 @@ pub struct Trainer {
 #[derive(Clone, Debug)]
 struct Buffers {
     inputs: Vec<f32>,
+    flights: Vec<FirstFlight>,
     labels: Vec<f32>,
-    out: Vec<f32>,
-    d_out: Vec<f32>,
+    outputs: Vec<f32>,
+    radiance: Vec<f32>,
+    d_radiance: Vec<f32>,
+    d_outputs: Vec<f32>,
     gradient: Vec<f32>,
 }
 
@@ -88,7 +92,7 @@ impl Trainer {
     /// As [`TrainSettings::check`].
     pub fn new(settings: TrainSettings) -> Result<Self, RpnnError> {
         settings.check()?;
-        let weights = Weights::initial(settings.variant, settings.seed, settings.mean_radiance);
+        let weights = Weights::initial(settings.variant, settings.head, settings.seed, settings.mean_output);
         let optimiser = AdamW::new(settings.optimiser, weights.values());
         let state = State { weights, optimiser, curve: Curve::default(), pending: (0.0, 0), seconds: 0.0 };
         Self::from_state(settings, state)
@@ -101,9 +105,12 @@ impl Trainer {
         let augment = Augment::new(settings.form, settings.mirror, settings.seed);
         let buffers = Buffers {
             inputs: vec![0.0; batch * INPUTS],
+            flights: vec![FirstFlight::default(); batch],
             labels: vec![0.0; batch],
-            out: vec![0.0; batch],
-            d_out: vec![0.0; batch],
+            outputs: vec![0.0; batch * settings.head.outputs()],
+            radiance: vec![0.0; batch],
+            d_radiance: vec![0.0; batch],
+            d_outputs: vec![0.0; batch * settings.head.outputs()],
             gradient: vec![0.0; state.weights.values().len()],
         };
         let State { weights, optimiser, curve, pending, seconds } = state;
@@ -160,7 +167,7 @@ impl Trainer {
     /// # Errors
     /// [`RpnnError::Invalid`] when training has diverged.
     pub fn averaged(&self) -> Result<Weights, RpnnError> {
-        Weights::new(self.settings.variant, self.optimiser.average.clone())
+        Weights::new(self.settings.variant, self.settings.head, self.optimiser.average.clone())
     }
 
     /// The optimiser's state.
@@ -190,14 +197,16 @@ impl Trainer {
     pub fn step(&mut self, source: &mut dyn SampleSource) -> Result<StepReport, RpnnError> {
         let index = self.optimiser.step;
         let b = &mut self.buffers;
+        let (head, radiance) = (self.settings.head, &mut b.labels);
         source
-            .batch(index, &mut b.inputs, &mut b.labels)
+            .batch(index, Batch { stencils: &mut b.inputs, flights: &mut b.flights, radiance })
             .map_err(|source| RpnnError::Source { batch: index, source })?;
         self.augment.apply(index, &mut b.inputs);
-        self.passes.forward(&self.weights, &b.inputs, &mut b.out)?;
+        self.passes.forward(&self.weights, &b.inputs, &mut b.outputs)?;
+        head.radiance(&b.outputs, &b.flights, &mut b.radiance);
         let scale = 2.0 / self.settings.batch as f32;
         let mut squares = 0.0;
-        for ((d, out), label) in b.d_out.iter_mut().zip(&b.out).zip(&b.labels) {
+        for ((d, out), label) in b.d_radiance.iter_mut().zip(&b.radiance).zip(&b.labels) {
             let difference = out - label;
             squares += f64::from(difference).powi(2);
             *d = scale * difference;
@@ -206,8 +215,9 @@ impl Trainer {
         if !loss.is_finite() {
             return Err(RpnnError::invalid(format!("batch {index}"), "a radiance is not finite"));
         }
+        head.derivatives(&b.radiance, &b.d_radiance, &b.flights, &mut b.d_outputs);
         b.gradient.fill(0.0);
-        self.passes.backward(&b.out, &b.d_out, &mut b.gradient)?;
+        self.passes.backward(&b.d_outputs, &mut b.gradient)?;
         let rate = self.settings.rate(index);
         let gradient_norm = self.optimiser.step(self.weights.values_mut(), &b.gradient, rate)?;
         self.pending = (self.pending.0 + loss, self.pending.1 + 1);
@@ -227,24 +237,34 @@ impl Trainer {
         });
     }
 
-    /// Error of the averaged weights on raw stencils (1/mm, as [`Inference::radiance`] takes them), predicted
-    /// by [`Inference`] on either engine.
+    /// Error of the averaged weights on raw stencils and first flights (as [`Inference::radiance`] takes them),
+    /// predicted by [`Inference`] on either engine.
     ///
     /// # Errors
     /// [`RpnnError::Invalid`] when lengths do not agree.
     pub fn validate(
         &self,
         stencils: &[f32],
+        flights: &[FirstFlight],
         labels: &[f32],
         standard_error: &[f32],
     ) -> Result<Score, RpnnError> {
-        let mut inference = Inference::new(&self.averaged()?, self.settings.form, self.settings.precision)?;
-        if let Some(set) = self.settings.instruction_set {
-            inference = inference.with_instruction_set(set)?;
-        }
         let mut out = vec![0.0; labels.len()];
-        inference.radiance(stencils, &mut out)?;
+        self.inference()?.radiance(stencils, flights, &mut out)?;
         Score::new(&out, labels, standard_error)
+    }
+
+    /// The averaged weights ready to predict, in the run's precision and on its instruction set.
+    ///
+    /// # Errors
+    /// As [`Trainer::averaged`].
+    pub fn inference(&self) -> Result<Inference, RpnnError> {
+        let s = &self.settings;
+        let inference = Inference::new(&self.averaged()?, s.form, s.precision)?;
+        match s.instruction_set {
+            Some(set) => inference.with_instruction_set(set),
+            None => Ok(inference),
+        }
     }
 
     /// Steps until the end or until `after_step` breaks. It is called after every step and may record,

@@ -1,6 +1,6 @@
 //! Inputs and weights of tests.
 
-use pellucid_rpnn::variant::INPUTS;
+use pellucid_rpnn::variant::{Head, INPUTS};
 use pellucid_rpnn::{Variant, Weights};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -17,7 +17,7 @@ pub fn inputs(n: usize, seed: u64) -> Vec<f32> {
 
 /// Weights with biases everywhere, so that no activation is zero by construction.
 pub fn weights(variant: Variant, seed: u64) -> Weights {
-    let mut weights = Weights::initial(variant, seed, 0.8);
+    let mut weights = Weights::initial(variant, Head::Radiance, seed, 0.8);
     let layout = weights.layout().clone();
     let mut rng = Pcg64::new(u128::from(seed), 11);
     for layer in layout.layers.iter().filter(|l| l.name != "end3") {
