@@ -4,9 +4,11 @@
 //! | --- | --- |
 //! | [`volumes`] | test volumes |
 //! | [`dense`] | the dense tables that summed-area tables are compared with |
+//! | [`appearance`] | colour differences, times of stencils, false colours |
 //! | [`study`] | settings, records, tables and plots of the studies |
 #![forbid(unsafe_code)]
 
+pub mod appearance;
 pub mod dense;
 pub mod study;
 pub mod volumes;

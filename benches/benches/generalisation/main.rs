@@ -46,7 +46,7 @@ fn main() -> Result<(), Error> {
 fn study(args: &Args) -> Result<(), Error> {
     let control = Control::none();
     let plan = Plan::new(args.study.full);
-    let recipe = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/recipes/default.json");
+    let recipe = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/recipes/paper.json");
     let recipe = Recipe::read(Path::new(recipe))?;
     let size = if args.study.full { "full" } else { "small" };
     let folder = args.state.clone().unwrap_or_else(|| Path::new(env!("CARGO_TARGET_TMPDIR")).join("generalisation-state"));

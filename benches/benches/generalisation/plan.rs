@@ -3,6 +3,7 @@
 use pellucid::dataset::{Recipe, SetHeader, ShapeClass, Shard};
 use pellucid::rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
 use pellucid::rpnn::train::TrainSettings;
+use pellucid::rpnn::variant::Head;
 use pellucid::rpnn::{Precision, Variant};
 use pellucid::voxel::MaterialTable;
 
@@ -92,6 +93,8 @@ impl Plan {
     pub fn settings(&self, group: Group, variant: Variant) -> TrainSettings {
         TrainSettings {
             variant,
+            head: Head::Radiance,
+            mean_output: Head::Radiance.mean_output(),
             steps: self.steps,
             peak_rate: 1e-3,
             mirror: false,
@@ -102,12 +105,11 @@ impl Plan {
         }
     }
 
-    /// The training volumes of a group: the paper's range of coefficients, whatever the recipe trains others on.
+    /// The training volumes of a group.
     pub fn training_set(&self, recipe: &Recipe, group: Group) -> Result<SetHeader, Error> {
         let mut recipe = recipe.clone();
         recipe.seed = recipe.seed.wrapping_add(1_000_000 * (group.seed - 1));
         let train = recipe.splits.iter_mut().find(|s| s.name == "train").ok_or("the recipe has no split train")?;
-        train.density = 1.0;
         train.points = self.points;
         train.spp = self.spp;
         if group.shapes == Shapes::Paper {

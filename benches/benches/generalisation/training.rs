@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use pellucid::dataset::{LabelledSet, Recipe, STENCIL_VALUES, SetHeader, Stream, StreamOptions};
 use pellucid::rpnn::train::trainer::StepReport;
-use pellucid::rpnn::train::{SampleSource, Trainer};
+use pellucid::rpnn::train::{Batch, SampleSource, Trainer};
+use pellucid::rpnn::variant::FirstFlight;
 use pellucid::rpnn::{RpnnError, Variant};
 use pellucid::training::{TrainingSet, provenance, validate};
 use pellucid::voxel::Control;
@@ -201,16 +202,22 @@ impl<'a> Lockstep<'a> {
 struct Replay {
     index: u64,
     stencils: Vec<f32>,
+    flights: Vec<FirstFlight>,
     radiance: Vec<f32>,
 }
 
 impl Replay {
     fn new(batch: usize) -> Self {
-        Self { index: u64::MAX, stencils: vec![0.0; batch * STENCIL_VALUES], radiance: vec![0.0; batch] }
+        Self {
+            index: u64::MAX,
+            stencils: vec![0.0; batch * STENCIL_VALUES],
+            flights: vec![FirstFlight::default(); batch],
+            radiance: vec![0.0; batch],
+        }
     }
 
     fn load(&mut self, index: u64, stream: &mut Stream, control: &Control<'_>) -> Result<(), Error> {
-        stream.batch(index, &mut self.stencils, &mut self.radiance, control)?;
+        stream.batch(index, &mut self.stencils, &mut self.flights, &mut self.radiance, control)?;
         self.index = index;
         Ok(())
     }
@@ -220,14 +227,14 @@ impl SampleSource for Replay {
     fn batch(
         &mut self,
         index: u64,
-        stencils: &mut [f32],
-        radiance: &mut [f32],
+        batch: Batch<'_>,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         if index != self.index {
             return Err(format!("batch {index} asked for while {} is there", self.index).into());
         }
-        stencils.copy_from_slice(&self.stencils);
-        radiance.copy_from_slice(&self.radiance);
+        batch.stencils.copy_from_slice(&self.stencils);
+        batch.flights.copy_from_slice(&self.flights);
+        batch.radiance.copy_from_slice(&self.radiance);
         Ok(())
     }
 }
