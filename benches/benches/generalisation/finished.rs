@@ -56,7 +56,9 @@ pub fn finished(plan: &Plan, folder: &Path) -> Result<Vec<Finished>, Error> {
         for variant in Variant::ALL {
             let weights = path(folder, group, variant, Length::Whole, "weights");
             let whole = saved(folder, group, variant, Length::Whole)?;
-            let Some(whole) = whole.filter(|trainer| trainer.finished() && weights.exists()) else { continue };
+            let Some(whole) = whole.filter(|trainer| trainer.finished() && weights.exists()) else {
+                continue;
+            };
             let shorter = saved(folder, group, variant, Length::ThreeQuarters)?.filter(Trainer::finished);
             let trained = pellucid::rpnn::file::load(&weights)?;
             let last = |trainer: &Trainer| trainer.curve().points.iter().rev().find_map(|p| p.validation);

@@ -13,14 +13,22 @@ use super::object::Case;
 use super::scores::{Labels, Row};
 
 /// The models, in the order of the report.
-pub const MODELS: [&str; 8] =
+const MODELS: [&str; 8] =
     ["showcase", "wedge", "bone", "octostar", "plane", "vase-handle", "vase-hollow", "tubes"];
 /// The model of small studies, and its height.
-pub const SMALL: (&str, f64) = ("octostar", 12.0);
+const SMALL: (&str, f64) = ("octostar", 12.0);
 /// Surface points of a model that are judged, and of a small study's.
 const POINTS: [usize; 2] = [600, 150];
 /// Standard error of their references.
 const STD_ERROR: [f32; 2] = [0.003, 0.01];
+
+/// The models to judge, and heights other than their own.
+pub fn chosen(full: bool) -> Vec<(&'static str, Option<f64>)> {
+    match full {
+        true => MODELS.map(|name| (name, None)).to_vec(),
+        false => vec![(SMALL.0, Some(SMALL.1))],
+    }
+}
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models").join(format!("{name}.glb"))

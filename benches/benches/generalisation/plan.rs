@@ -1,8 +1,8 @@
 //! What is trained: architectures, volumes, seeds and budget.
 
 use pellucid::dataset::{Recipe, SetHeader, ShapeClass, Shard};
-use pellucid::rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
 use pellucid::rpnn::train::TrainSettings;
+use pellucid::rpnn::transform::{FeatureTransform, InputForm, LevelOrder};
 use pellucid::rpnn::variant::Head;
 use pellucid::rpnn::{Precision, Variant};
 use pellucid::voxel::MaterialTable;
@@ -109,7 +109,8 @@ impl Plan {
     pub fn training_set(&self, recipe: &Recipe, group: Group) -> Result<SetHeader, Error> {
         let mut recipe = recipe.clone();
         recipe.seed = recipe.seed.wrapping_add(1_000_000 * (group.seed - 1));
-        let train = recipe.splits.iter_mut().find(|s| s.name == "train").ok_or("the recipe has no split train")?;
+        let train =
+            recipe.splits.iter_mut().find(|s| s.name == "train").ok_or("the recipe has no split train")?;
         train.points = self.points;
         train.spp = self.spp;
         if group.shapes == Shapes::Paper {

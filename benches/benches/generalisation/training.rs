@@ -40,7 +40,12 @@ pub fn path(folder: &Path, group: Group, variant: Variant, length: Length, what:
 }
 
 /// The trainer of a run as it was saved last, where there is one.
-pub fn saved(folder: &Path, group: Group, variant: Variant, length: Length) -> Result<Option<Trainer>, Error> {
+pub fn saved(
+    folder: &Path,
+    group: Group,
+    variant: Variant,
+    length: Length,
+) -> Result<Option<Trainer>, Error> {
     let path = path(folder, group, variant, length, "run");
     Ok(if path.exists() { Some(Trainer::resume(&path)?) } else { None })
 }
@@ -62,7 +67,8 @@ pub fn train(
     control: &Control<'_>,
 ) -> Result<(), Error> {
     let mut lockstep = Lockstep::open(plan, group, folder)?;
-    if lockstep.runs.iter().all(|run| run.trainer.finished()) && lockstep.runs.len() == 2 * Variant::ALL.len() {
+    if lockstep.runs.iter().all(|run| run.trainer.finished()) && lockstep.runs.len() == 2 * Variant::ALL.len()
+    {
         return Ok(());
     }
     let header = plan.training_set(recipe, group)?;
@@ -75,7 +81,9 @@ pub fn train(
     while let Some(step) = lockstep.next_step() {
         control.check()?;
         replay.load(step, &mut stream, control)?;
-        for run in lockstep.runs.iter_mut().filter(|r| r.trainer.steps_done() == step && !r.trainer.finished()) {
+        for run in
+            lockstep.runs.iter_mut().filter(|r| r.trainer.steps_done() == step && !r.trainer.finished())
+        {
             run.step(&mut replay, plan, group, validation, control)?;
         }
         lockstep.branch()?;
@@ -186,7 +194,8 @@ impl<'a> Lockstep<'a> {
             if run.saved == Some(trainer.steps_done()) {
                 continue;
             }
-            let path = |what: &str| path(self.folder, self.group, trainer.settings().variant, run.length, what);
+            let path =
+                |what: &str| path(self.folder, self.group, trainer.settings().variant, run.length, what);
             if trainer.finished() {
                 let provenance = provenance(trainer, header, options, "study generalisation")?;
                 pellucid::rpnn::file::save(&path("weights"), &trainer.averaged()?, &provenance)?;
@@ -199,8 +208,9 @@ impl<'a> Lockstep<'a> {
 }
 
 /// One batch, given to several trainers.
-struct Replay {
-    index: u64,
+pub struct Replay {
+    /// Number of the batch in its stream; `None` stands for all.
+    index: Option<u64>,
     stencils: Vec<f32>,
     flights: Vec<FirstFlight>,
     radiance: Vec<f32>,
@@ -209,16 +219,25 @@ struct Replay {
 impl Replay {
     fn new(batch: usize) -> Self {
         Self {
-            index: u64::MAX,
+            index: None,
             stencils: vec![0.0; batch * STENCIL_VALUES],
             flights: vec![FirstFlight::default(); batch],
             radiance: vec![0.0; batch],
         }
     }
 
+    /// The first samples of a set as every batch.
+    pub fn of_set(set: &LabelledSet, batch: usize) -> Self {
+        let mut replay = Self::new(batch);
+        set.stencils(0, &mut replay.stencils);
+        replay.flights.copy_from_slice(&set.flights()[..batch]);
+        replay.radiance.copy_from_slice(&set.radiance()[..batch]);
+        replay
+    }
+
     fn load(&mut self, index: u64, stream: &mut Stream, control: &Control<'_>) -> Result<(), Error> {
         stream.batch(index, &mut self.stencils, &mut self.flights, &mut self.radiance, control)?;
-        self.index = index;
+        self.index = Some(index);
         Ok(())
     }
 }
@@ -229,8 +248,8 @@ impl SampleSource for Replay {
         index: u64,
         batch: Batch<'_>,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        if index != self.index {
-            return Err(format!("batch {index} asked for while {} is there", self.index).into());
+        if self.index.is_some_and(|there| there != index) {
+            return Err(format!("batch {index} is not the one at hand").into());
         }
         batch.stencils.copy_from_slice(&self.stencils);
         batch.flights.copy_from_slice(&self.flights);
