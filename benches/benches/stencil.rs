@@ -5,8 +5,10 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use pellucid_benches::dense::{self, DenseSat};
 use pellucid_benches::volumes;
-use pellucid_stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
-use pellucid_voxel::{Control, CountSat, MaterialTable};
+use pellucid_stencil::{
+    Coefficients, Features, FirstFlight, FirstFlights, StencilSpec, Stencils, near_order,
+};
+use pellucid_voxel::{Control, CountSat, MaterialTable, Surface, SurfaceOptions};
 use rayon::prelude::*;
 
 const POINTS: usize = 32_768;
@@ -44,6 +46,24 @@ fn extraction(c: &mut Criterion) {
     group.finish();
 }
 
+fn first_flights(c: &mut Criterion) {
+    let table = MaterialTable::cmykw();
+    let none = Control::none();
+    let grid = volumes::dimpled_ball(20.0, 1.0);
+    let surface = Surface::extract(&grid, &SurfaceOptions::default(), &none).expect("a valid grid");
+    let flights = FirstFlights::new(&table, &grid, &surface, 1.5).expect("labels of the table");
+    let points: Vec<u32> = near_order(surface.voxels()).into_iter().take(POINTS).collect();
+    let mut out = vec![FirstFlight::default(); points.len() * 3];
+    let mut group = c.benchmark_group("first flight");
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(out.len() as u64));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    group.bench_function("rgb, a point and channel, 1 thread", |b| {
+        b.iter(|| pool.install(|| flights.extract(&points, &mut out, &none)).expect("valid"));
+    });
+    group.finish();
+}
+
 fn against_dense(c: &mut Criterion) {
     let table = MaterialTable::cmykw();
     let spec = StencilSpec::paper();
@@ -75,5 +95,5 @@ fn against_dense(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, against_dense, extraction);
+criterion_group!(benches, first_flights, against_dense, extraction);
 criterion_main!(benches);

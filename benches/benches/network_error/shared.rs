@@ -30,10 +30,9 @@ pub fn name_in_use(candidate: &Candidate) -> String {
 
 /// What sharing is.
 pub fn description() -> String {
-    let Sharing { fine_levels, block, .. } = Sharing::default();
+    let Sharing { fine_levels, coarse_mm, .. } = Sharing::default();
     format!(
-        "the points of a block of {block} x {block} x {block} voxels share what the network makes of the {} coarsest \
-         levels",
+        "points take what the network makes of the {} coarsest levels between places {coarse_mm} mm apart",
         LEVELS - fine_levels
     )
 }

@@ -13,9 +13,10 @@ use std::path::PathBuf;
 use clap::Parser;
 use pellucid::trace::{AssistOptions, ErrorTarget, TraceOptions, Tracer};
 use pellucid::voxel::{Control, LabelGrid, MaterialTable};
+use pellucid_benches::solids::{ball, solid};
 use pellucid_benches::study::stopwatch::time;
 use pellucid_benches::study::{Record, Study, StudySettings};
-use scenes::{Scene, ball, scene, solid};
+use scenes::{Scene, scene};
 
 /// Error against run time of the path tracer's estimators, and its speed beside Mitsuba's
 #[derive(Parser)]

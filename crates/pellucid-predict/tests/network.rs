@@ -10,6 +10,7 @@ use pellucid_predict::{
 };
 use pellucid_rpnn::Provenance;
 use pellucid_rpnn::transform::LevelOrder;
+use pellucid_rpnn::variant::Head;
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
 
 const DRAW: Draw = Draw { seed: 0, pass: Pass::Loop(0) };
@@ -103,36 +104,55 @@ fn labels_of_another_shape_are_refused() {
 }
 
 #[test]
-fn blocks_of_one_voxel_share_with_nobody_and_larger_ones_hardly_matter() {
+fn places_at_every_voxel_change_nothing_and_far_ones_hardly_matter() {
     let (grid, object) = block();
     let points: Vec<u32> = object.points().into_iter().step_by(13).collect();
-    let sharing = |s| network(provenance()).with_sharing(s);
-    let whole = predict(&sharing(None).unwrap(), &grid, &object, &points);
-    for fine_levels in [1, 4, 8] {
-        let alone = Some(Sharing { spacing_mm: 0.0, fine_levels, block: 1 });
-        assert_eq!(predict(&sharing(alone).unwrap(), &grid, &object, &points), whole);
-    }
-    let difference = |s: Sharing| {
-        let shared = predict(&sharing(Some(s)).unwrap(), &grid, &object, &points);
-        let squares = |v: &mut dyn Iterator<Item = f32>| v.map(|d| f64::from(d * d)).sum::<f64>();
-        let spread = squares(&mut whole.iter().map(|v| v - whole.iter().sum::<f32>() / whole.len() as f32));
-        (squares(&mut shared.iter().zip(&whole).map(|(a, b)| a - b)) / spread).sqrt()
-    };
-    // Six own levels see 160 voxels along x, and blocks of three move the rest by one voxel; with one own level and
-    // blocks of fifteen a point sees little but its block's surroundings.
-    let (little, much) = (
-        difference(Sharing { spacing_mm: 0.0, fine_levels: 6, block: 3 }),
-        difference(Sharing { spacing_mm: 0.0, fine_levels: 1, block: 15 }),
-    );
-    assert!(little > 0.0 && little < 0.1 && much > 2.0 * little, "{little} {much}");
-    for (fine_levels, block) in [(0, 3), (10, 3), (4, 2), (4, 0)] {
-        assert!(sharing(Some(Sharing { spacing_mm: 0.0, fine_levels, block })).is_err());
+    for head in Head::ALL {
+        let sharing = |s| common::network_of(head, provenance()).with_sharing(s);
+        let whole = predict(&sharing(None).unwrap(), &grid, &object, &points);
+        let difference = |s: Sharing| {
+            let shared = predict(&sharing(Some(s)).unwrap(), &grid, &object, &points);
+            let squares = |v: &mut dyn Iterator<Item = f32>| v.map(|d| f64::from(d * d)).sum::<f64>();
+            let mean = whole.iter().sum::<f32>() / whole.len() as f32;
+            let spread = squares(&mut whole.iter().map(|v| v - mean));
+            (squares(&mut shared.iter().zip(&whole).map(|(a, b)| a - b)) / spread).sqrt()
+        };
+        let way = |spacing_mm, fine_levels, coarse_mm| Sharing { spacing_mm, fine_levels, coarse_mm };
+        for fine_levels in [1, 4, 8] {
+            assert_eq!(difference(way(0.0, fine_levels, 0.03)), 0.0, "{head:?}, {fine_levels} fine levels");
+        }
+        let (little, much) = (difference(way(0.0, 6, 0.1)), difference(way(0.0, 1, 0.8)));
+        assert!(little > 0.0 && little < 0.1 && much > 2.0 * little, "{head:?} {little} {much}");
+        let (near, far) = (difference(way(0.1, 9, 0.0)), difference(way(0.6, 9, 0.0)));
+        match head {
+            Head::Radiance => assert_eq!((near, far), (0.0, 0.0), "radiance is not shared"),
+            Head::FirstFlight => assert!(near > 0.0 && near < 0.3 && far > near, "{near} {far}"),
+        }
+        for (spacing_mm, fine_levels, coarse_mm) in
+            [(0.2, 0, 1.0), (0.2, 10, 1.0), (-0.1, 4, 1.0), (0.1, 4, f64::NAN)]
+        {
+            assert!(sharing(Some(way(spacing_mm, fine_levels, coarse_mm))).is_err());
+        }
     }
     let mut paper = provenance();
     paper.form.order = LevelOrder::FineToCoarse;
     assert!(network(paper.clone()).with_sharing(Some(Sharing::default())).is_err());
     assert_eq!(network(paper.clone()).sharing().unwrap().fine_levels, 9);
     predict(&network(paper), &grid, &object, &points);
+}
+
+#[test]
+fn predictions_do_not_depend_on_what_else_is_asked_for() {
+    let (grid, object) = block();
+    for head in Head::ALL {
+        let network = common::network_of(head, provenance());
+        let all = object.points();
+        let whole = predict(&network, &grid, &object, &all);
+        for point in [0, 17, 400] {
+            let alone = predict(&network, &grid, &object, &[all[point]]);
+            assert_eq!(alone, whole[3 * point..3 * point + 3]);
+        }
+    }
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn nothing_changes_on_the_way() {
 
     let correction = Correction { one_in: 7, radius_mm: 0.1, memory: 0.3 };
     assert_eq!(there_and_back(&correction), correction);
-    let sharing = Sharing { spacing_mm: 0.3, fine_levels: 2, block: 9 };
+    let sharing = Sharing { spacing_mm: 0.3, fine_levels: 2, coarse_mm: 1.5 };
     assert_eq!(there_and_back(&sharing), sharing);
 }
 

@@ -132,6 +132,21 @@ pub struct CoarseStates {
     values: Vec<f32>,
 }
 
+impl CoarseStates {
+    /// Those of all `parts` in turn, which leave `fine` levels each.
+    ///
+    /// # Panics
+    /// When a part that holds places leaves another number of levels.
+    pub fn joined(fine: usize, parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut values = Vec::new();
+        for part in parts {
+            assert!(part.fine == fine || part.values.is_empty(), "parts leave different numbers of levels");
+            values.extend(part.values);
+        }
+        Self { fine, values }
+    }
+}
+
 impl Inference {
     /// Reads all levels but the `fine` finest of the stencils of places, raw and whole as for
     /// [`Inference::radiance`].
@@ -167,47 +182,75 @@ impl Inference {
         Ok(CoarseStates { fine, values })
     }
 
-    /// Outputs of samples from their own finest levels and the coarse ones of a place nearby: `stencils` is
-    /// `[sample][fine][cell z][cell y][cell x][sigma_s, sigma_a]`, 1/mm, `places` has a position in `states`
-    /// for each sample, `out` is `[sample][output]`. With the sample's own stencil as its place, bit for bit
+    /// Outputs of samples from their own finest levels and the coarse ones of places nearby: `stencils` is
+    /// `[sample][fine][cell z][cell y][cell x][sigma_s, sigma_a]`, 1/mm, `places` and `weights` are
+    /// `[sample][share]` with as many shares a sample as there are places for each: positions in `states` and what each
+    /// counts. `out` is `[sample][output]`. With the sample's own stencil as its only place and weight 1, bit for bit
     /// [`Inference::outputs`].
     ///
     /// # Errors
-    /// [`RpnnError::Invalid`] when the lengths do not agree or a place is not there.
+    /// [`RpnnError::Invalid`] when the lengths do not agree.
     pub fn outputs_near(
         &mut self,
         states: &CoarseStates,
         places: &[u32],
+        weights: &[f32],
         stencils: &[f32],
         out: &mut [f32],
     ) -> Result<(), RpnnError> {
         let (row, width) = (states.fine * LEVEL_INPUTS, self.network.variant().width());
         let count = states.values.len() / width;
         let outputs = self.head().outputs();
-        if places.len() * outputs != out.len() || stencils.len() != places.len() * row {
+        let samples = out.len() / outputs;
+        let shares = places.len() / samples.max(1);
+        if samples * outputs != out.len()
+            || stencils.len() != samples * row
+            || places.len() != samples * shares
+            || weights.len() != places.len()
+        {
             return Err(RpnnError::invalid(
                 "stencils and places",
-                format!("{} values and {} places for {} outputs", stencils.len(), places.len(), out.len()),
+                format!(
+                    "{} values, {} places and {} weights for {} outputs",
+                    stencils.len(),
+                    places.len(),
+                    weights.len(),
+                    out.len()
+                ),
             ));
         }
         if let Some(place) = places.iter().find(|p| **p as usize >= count) {
             return Err(RpnnError::invalid("places", format!("{place}; there are {count}")));
         }
         self.states.resize(BATCH * width, 0.0);
-        let parts =
-            stencils.chunks(BATCH * row).zip(places.chunks(BATCH)).zip(out.chunks_mut(BATCH * outputs));
-        for ((stencils, places), out) in parts {
-            let inputs = &mut self.inputs[..stencils.len()];
-            inputs.copy_from_slice(stencils);
+        for first in (0..samples).step_by(BATCH) {
+            let part = first..samples.min(first + BATCH);
+            let inputs = &mut self.inputs[..part.len() * row];
+            inputs.copy_from_slice(&stencils[part.start * row..part.end * row]);
             inputs.chunks_exact_mut(row).for_each(|sample| self.form.apply_levels(0, sample));
-            let used = &mut self.states[..places.len() * width];
-            for (state, &place) in used.chunks_exact_mut(width).zip(places) {
-                state.copy_from_slice(&states.values[place as usize * width..][..width]);
+            let used = &mut self.states[..part.len() * width];
+            for (sample, state) in part.clone().zip(used.chunks_exact_mut(width)) {
+                let shares = sample * shares..(sample + 1) * shares;
+                mix(&states.values, width, &places[shares.clone()], &weights[shares], state);
             }
+            let out = &mut out[part.start * outputs..part.end * outputs];
             self.network.forward_from(LEVELS - states.fine, used, inputs, out)?;
         }
         Ok(())
     }
+}
+
+/// The weighted sum of some rows of `width` values.
+fn mix(values: &[f32], width: usize, places: &[u32], weights: &[f32], state: &mut [f32]) {
+    let row = |place: u32| &values[place as usize * width..][..width];
+    let mut shares = places.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
+    let Some((&place, &weight)) = shares.next() else { return state.fill(0.0) };
+    state.iter_mut().zip(row(place)).for_each(|(sum, v)| *sum = weight * v);
+    for (&place, &weight) in shares {
+        state.iter_mut().zip(row(place)).for_each(|(sum, v)| *sum += weight * v);
+    }
+    // States are what ReLUs gave; a plane through them may pass below.
+    state.iter_mut().for_each(|v| *v = v.max(0.0));
 }
 
 #[cfg(test)]
@@ -325,13 +368,22 @@ mod tests {
                 let reversed: Vec<f32> = raw.chunks_exact(INPUTS).rev().flatten().copied().collect();
                 let states = inference.coarse_states(fine, &reversed).unwrap();
                 let mut shared = vec![0.0; n];
-                inference.outputs_near(&states, &places, &finest, &mut shared).unwrap();
+                inference.outputs_near(&states, &places, &vec![1.0; n], &finest, &mut shared).unwrap();
                 assert_eq!(shared, whole, "{precision:?}, {fine} fine levels");
+                // Two shares of one place are that place.
+                let twice: Vec<u32> = places.iter().flat_map(|&p| [p, p]).collect();
+                let halves = vec![0.5; 2 * n];
+                inference.outputs_near(&states, &twice, &halves, &finest, &mut shared).unwrap();
+                assert_eq!(shared, whole);
                 // Another place's surroundings do matter.
-                inference.outputs_near(&states, &vec![0; n], &finest, &mut shared).unwrap();
+                inference.outputs_near(&states, &vec![0; n], &vec![1.0; n], &finest, &mut shared).unwrap();
                 assert_ne!(shared, whole);
-                assert!(inference.outputs_near(&states, &vec![n as u32; n], &finest, &mut shared).is_err());
-                assert!(inference.outputs_near(&states, &places, &raw, &mut shared).is_err());
+                assert!(
+                    inference
+                        .outputs_near(&states, &vec![n as u32; n], &vec![1.0; n], &finest, &mut shared)
+                        .is_err()
+                );
+                assert!(inference.outputs_near(&states, &places, &vec![1.0; n], &raw, &mut shared).is_err());
             }
             assert!(inference.coarse_states(0, &raw).is_err() && inference.coarse_states(9, &raw).is_err());
         }

@@ -1,17 +1,17 @@
 //! One object under the network.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pellucid_core::Control;
 use pellucid_rpnn::variant::Head;
 use pellucid_stencil::{FirstFlight, FirstFlights};
-use pellucid_voxel::{CountSat, LabelGrid};
+use pellucid_voxel::{CountSat, LabelGrid, Surface};
 use rayon::prelude::*;
 
 use super::Network;
-use super::evaluate::{Engine, Outputs};
-use super::nodes::Nodes;
+use super::evaluate::{Contents, Engine, Outputs};
+use super::nodes::{Blend, Nodes};
 use super::trained_range::TrainedRange;
 use crate::labels::{KeptLabels, Update};
 use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError, Sharing};
@@ -21,45 +21,136 @@ const CHUNK: usize = 1024;
 
 pub(super) struct BoundNetwork {
     object: Arc<Object>,
-    sharing: Option<Sharing>,
-    /// Where the network is run for points that share; geometry alone decides.
-    nodes: Option<Nodes>,
+    sites: Sites,
     engine: Engine,
     labels: KeptLabels,
     table: Option<CountSat>,
+    /// Outputs at the fine nodes that were asked for since the last update: a function of the labels alone.
+    kept: Mutex<Arc<Kept>>,
+}
+
+/// Outputs of some fine nodes.
+#[derive(Clone, Default)]
+struct Kept {
+    /// `[node]`; empty before the first.
+    there: Vec<bool>,
+    outputs: Outputs,
+}
+
+/// Where the network is run. Geometry alone decides.
+struct Sites {
+    /// The points that it is run for, and what every point takes from them; every point for itself without them.
+    fine: Option<(Nodes, Blend)>,
+    /// Finest levels that such a point has for itself; the points that the others are read for, and what it takes from
+    /// them.
+    coarse: Option<(usize, Nodes, Blend)>,
+}
+
+impl Sites {
+    fn new(
+        surface: &Surface,
+        sharing: Option<Sharing>,
+        head: Head,
+        control: &Control<'_>,
+    ) -> Result<Self, PredictError> {
+        let Some(sharing) = sharing else { return Ok(Self { fine: None, coarse: None }) };
+        let all: Vec<u32> = (0..surface.len() as u32).collect();
+        let spaced = head == Head::FirstFlight && !Nodes::everywhere(surface, sharing.spacing_mm);
+        let fine = match spaced {
+            true => {
+                let nodes = Nodes::new(surface, sharing.spacing_mm, control)?;
+                let blend = Blend::new(surface, &nodes, &all, control)?;
+                Some((nodes, blend))
+            }
+            false => None,
+        };
+        let shares_levels = sharing.shares_levels() && !Nodes::everywhere(surface, sharing.coarse_mm);
+        let coarse = match shares_levels {
+            true => {
+                let nodes = Nodes::new(surface, sharing.coarse_mm, control)?;
+                let of = fine.as_ref().map_or(&all[..], |(nodes, _)| nodes.points());
+                let blend = Blend::new(surface, &nodes, of, control)?;
+                Some((sharing.fine_levels, nodes, blend))
+            }
+            false => None,
+        };
+        Ok(Self { fine, coarse })
+    }
 }
 
 impl BoundNetwork {
     pub(super) fn new(network: &Network, object: Arc<Object>) -> Result<Self, PredictError> {
         let inference = network.inference()?;
-        let spaced = network.sharing.filter(|s| s.spacing_mm > 0.0 && inference.head() == Head::FirstFlight);
-        let nodes = match spaced {
-            Some(sharing) => Some(Nodes::new(object.surface(), sharing.spacing_mm, &Control::none())?),
-            None => None,
-        };
         let coefficients = Network::coefficients(&object)?;
         let trained = TrainedRange::new(&network.trained.provenance);
         Ok(Self {
-            sharing: network.sharing,
-            nodes,
+            sites: Sites::new(object.surface(), network.sharing, inference.head(), &Control::none())?,
             engine: Engine::new(inference, coefficients, trained, network.instruction_set),
             labels: KeptLabels::default(),
             table: None,
+            kept: Mutex::default(),
             object,
         })
     }
 
-    /// Outputs at surface points.
+    /// Outputs at some of the sites, which are given as surface points or positions among the fine nodes.
     fn outputs(
         &self,
         labels: &LabelGrid,
-        points: impl Iterator<Item = u32>,
+        sites: &[u32],
         control: &Control<'_>,
     ) -> Result<Outputs, PredictError> {
         let Some(table) = &self.table else { return Err(PredictError::before_update()) };
+        let of = Contents { labels, table };
         let surface = self.object.surface();
-        let voxels: Vec<[u32; 3]> = points.map(|p| surface.voxels()[p as usize]).collect();
-        self.engine.outputs(labels, table, self.sharing, &voxels, control)
+        let point =
+            |site: u32| self.sites.fine.as_ref().map_or(site, |(nodes, _)| nodes.points()[site as usize]);
+        let voxels: Vec<[u32; 3]> = sites.iter().map(|&s| surface.voxels()[point(s) as usize]).collect();
+        let Some((fine, nodes, blend)) = &self.sites.coarse else {
+            return self.engine.outputs(of, &voxels, control);
+        };
+        let (needed, place) = blend.needed(sites.iter().copied());
+        let places: Vec<[u32; 3]> =
+            needed.iter().map(|&node| surface.voxels()[nodes.points()[node as usize] as usize]).collect();
+        let coarse = self.engine.coarse(of, *fine, &places, &control.silent())?;
+        let shares = |i: u32| {
+            let (near, weights) = blend.near(sites[i as usize]);
+            (near.map(|node| place[node as usize]), *weights)
+        };
+        self.engine.outputs_near(of, *fine, &coarse, &shares, &voxels, control)
+    }
+
+    /// Outputs at fine nodes, in the order of all; those that are not among `nodes` may be missing.
+    fn node_outputs(
+        &self,
+        labels: &LabelGrid,
+        nodes: &[u32],
+        count: usize,
+        control: &Control<'_>,
+    ) -> Result<Arc<Kept>, PredictError> {
+        let kept = Arc::clone(&self.kept.lock().unwrap_or_else(PoisonError::into_inner));
+        let missing: Vec<u32> =
+            nodes.iter().copied().filter(|&n| !kept.there.get(n as usize).is_some_and(|t| *t)).collect();
+        if missing.is_empty() {
+            return Ok(kept);
+        }
+        // Without the lock: others may find the same nodes meanwhile, with the same values.
+        let found = self.outputs(labels, &missing, control)?;
+        let mut guard = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let all = Arc::make_mut(&mut guard);
+        let channels = self.object.channels();
+        let row = channels * Head::MOST_OUTPUTS;
+        all.there.resize(count, false);
+        all.outputs.values.resize(count * row, 0.0);
+        all.outputs.outside.resize(count * channels, false);
+        let rows = found.values.chunks_exact(row).zip(found.outside.chunks_exact(channels));
+        for (&node, (values, outside)) in missing.iter().zip(rows) {
+            let node = node as usize;
+            all.there[node] = true;
+            all.outputs.values[node * row..][..row].copy_from_slice(values);
+            all.outputs.outside[node * channels..][..channels].copy_from_slice(outside);
+        }
+        Ok(Arc::clone(&guard))
     }
 
     /// First flights of some points, `[point][channel]`.
@@ -76,7 +167,7 @@ impl BoundNetwork {
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<u64, PredictError> {
-        let outputs = self.outputs(labels, points.iter().copied(), control)?;
+        let outputs = self.outputs(labels, points, control)?;
         let mut flown = Vec::new();
         if self.engine.head() == Head::FirstFlight {
             flown.resize(out.len(), FirstFlight::default());
@@ -89,16 +180,15 @@ impl BoundNetwork {
     /// First flights of their own, what follows them from the nodes about each point.
     fn predict_between(
         &self,
-        nodes: &Nodes,
+        blend: &Blend,
         labels: &LabelGrid,
         points: &[u32],
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<u64, PredictError> {
-        let needed = nodes.needed(points);
-        let outputs = self.outputs(labels, needed.iter().map(|&n| nodes.points()[n as usize]), control)?;
-        let mut place = vec![0u32; nodes.points().len()];
-        (0..).zip(&needed).for_each(|(i, &node)| place[node as usize] = i);
+        let (needed, place) = blend.needed(points.iter().copied());
+        let kept = self.node_outputs(labels, &needed, place.len(), control)?;
+        let outputs = &kept.outputs;
         let flights = self.flights(labels)?;
         let channels = self.object.channels();
         let row = channels * Head::MOST_OUTPUTS;
@@ -111,13 +201,13 @@ impl BoundNetwork {
                 let mut after = vec![0.0; points.len() * row];
                 let mut count = 0;
                 for (&point, after) in points.iter().zip(after.chunks_exact_mut(row)) {
-                    let (near, weights) = nodes.near(point);
+                    let (near, weights) = blend.near(point);
                     for (&node, &weight) in near.iter().zip(weights) {
                         let at = place[node as usize] as usize;
                         let values = &outputs.values[at * row..][..row];
                         after.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
                     }
-                    let closest = place[near[0] as usize] as usize;
+                    let closest = near[0] as usize;
                     let beyond = &outputs.outside[closest * channels..][..channels];
                     count += beyond.iter().filter(|outside| **outside).count() as u64;
                 }
@@ -138,6 +228,7 @@ impl BoundPredictor for BoundNetwork {
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
         let fits = self.object.check_labels(labels).and_then(|()| self.object.check_solid(labels));
+        *self.kept.get_mut().unwrap_or_else(PoisonError::into_inner) = Arc::default();
         fits.inspect_err(|_| self.labels.forget())?;
         let table = &mut self.table;
         let (materials, silent) = (self.object.materials().len(), control.silent());
@@ -160,8 +251,8 @@ impl BoundPredictor for BoundNetwork {
         let Some(labels) = self.labels.current() else { return Err(PredictError::before_update()) };
         self.object.check_points(points, out.len())?;
         control.check()?;
-        let outside_training = match &self.nodes {
-            Some(nodes) => self.predict_between(nodes, labels, points, out, control)?,
+        let outside_training = match &self.sites.fine {
+            Some((_, blend)) => self.predict_between(blend, labels, points, out, control)?,
             None => self.predict_each(labels, points, out, control)?,
         };
         Ok(Diagnostics { outside_training, ..Diagnostics::default() })

@@ -1,19 +1,21 @@
-//! The network's outputs at voxels of one object's labels.
+//! The network's outputs at surface points of one object's labels.
 
 use std::sync::atomic::AtomicU64;
 use std::sync::{Mutex, PoisonError};
 
 use pellucid_core::{Control, InstructionSet};
 use pellucid_rpnn::Inference;
-use pellucid_rpnn::variant::{CELLS_XYZ, INPUTS, LEVEL_INPUTS};
+use pellucid_rpnn::inference::CoarseStates;
+use pellucid_rpnn::variant::{CELLS_XYZ, Head, INPUTS, LEVEL_INPUTS};
 use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
 use pellucid_voxel::{CountSat, LabelGrid};
 use rayon::prelude::*;
 
+use super::nodes::NEAREST;
 use super::trained_range::TrainedRange;
-use crate::{PredictError, Sharing};
+use crate::PredictError;
 
-/// Voxels whose stencils are in memory at a time, a thread: 7 MB in three channels, half of it where they share
+/// Voxels whose stencils are in memory at a time, a thread: 7 MB in three channels, a third of it where they share
 /// coarse levels.
 const CHUNK: usize = 256;
 
@@ -21,7 +23,7 @@ const CHUNK: usize = 256;
 pub(super) struct Engine {
     /// Clones share its weights.
     inference: Inference,
-    pub coefficients: Coefficients,
+    coefficients: Coefficients,
     trained: TrainedRange,
     instruction_set: InstructionSet,
     /// What idle threads left for the next chunk.
@@ -34,13 +36,32 @@ struct Scratch {
     stencils: Vec<f32>,
 }
 
+/// Labels with their summed-area table.
+#[derive(Clone, Copy)]
+pub(super) struct Contents<'a> {
+    pub labels: &'a LabelGrid,
+    pub table: &'a CountSat,
+}
+
 /// The network's outputs at some voxels.
+#[derive(Clone, Default)]
 pub(super) struct Outputs {
     /// `[voxel][channel][output]`.
     pub values: Vec<f32>,
     /// `[voxel][channel]`: whether the surroundings lie outside what training saw.
     pub outside: Vec<bool>,
 }
+
+/// What the network made of the coarse levels of some places.
+pub(super) struct Coarse {
+    /// `[place][channel]`.
+    states: CoarseStates,
+    /// `[place][channel]`: whether those levels lie outside what training saw.
+    outside: Vec<bool>,
+}
+
+/// Places among [`Coarse`] and what each counts for a voxel.
+pub(super) type Shares = ([u32; NEAREST], [f32; NEAREST]);
 
 impl Engine {
     pub fn new(
@@ -52,42 +73,129 @@ impl Engine {
         Self { inference, coefficients, trained, instruction_set, scratch: Mutex::new(Vec::new()) }
     }
 
-    pub fn head(&self) -> pellucid_rpnn::variant::Head {
+    pub fn head(&self) -> Head {
         self.inference.head()
     }
 
-    /// Outputs at `voxels` of `labels` with their summed-area `table`. Each voxel's depend on nothing else that is
-    /// asked for. Progress counts voxels.
+    /// Outputs at voxels, each of which depends on nothing else that is asked for. Progress counts voxels.
     pub fn outputs(
         &self,
-        labels: &LabelGrid,
-        table: &CountSat,
-        sharing: Option<Sharing>,
+        of: Contents<'_>,
         voxels: &[[u32; 3]],
         control: &Control<'_>,
     ) -> Result<Outputs, PredictError> {
-        let stencils = |spec| Stencils::new(spec, labels, table)?.with_instruction_set(self.instruction_set);
-        let volume = Volume {
-            whole: stencils(StencilSpec::paper())?,
-            fine: match sharing.filter(|s| s.shares_levels()) {
-                Some(sharing) => {
-                    Some((sharing, stencils(StencilSpec::new(CELLS_XYZ, sharing.fine_levels)?)?))
+        let stencils = self.stencils(of, StencilSpec::paper())?;
+        self.in_chunks(voxels, control, |chunk, scratch| {
+            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
+            let mut outputs = self.no_outputs(chunk.len());
+            scratch.inference.outputs(&scratch.stencils, &mut outputs.values)?;
+            let samples = scratch.stencils.chunks_exact(INPUTS).zip(&mut outputs.outside);
+            samples.for_each(|(stencil, outside)| *outside = self.trained.misses(stencil));
+            Ok(outputs)
+        })
+    }
+
+    /// What the network makes of all but the `fine` finest levels at voxels. Progress counts voxels.
+    pub fn coarse(
+        &self,
+        of: Contents<'_>,
+        fine: usize,
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Coarse, PredictError> {
+        let stencils = self.stencils(of, StencilSpec::paper())?;
+        let order: Vec<u32> = (0..voxels.len() as u32).collect();
+        let done = AtomicU64::new(0);
+        let parts = order
+            .par_chunks(CHUNK)
+            .map(|chunk| -> Result<(CoarseStates, Vec<bool>), PredictError> {
+                control.check()?;
+                let mut scratch = self.take_scratch();
+                self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
+                let states = scratch.inference.coarse_states(fine, &scratch.stencils)?;
+                let beyond = |s: &[f32]| self.trained.exceeds(&s[fine * LEVEL_INPUTS..]);
+                let outside = scratch.stencils.chunks_exact(INPUTS).map(beyond).collect();
+                self.leave_scratch(scratch);
+                control.advance(&done, chunk.len() as u64, voxels.len() as u64);
+                Ok((states, outside))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let (states, outside): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        Ok(Coarse { states: CoarseStates::joined(fine, states), outside: outside.concat() })
+    }
+
+    /// [`Engine::outputs`] from the voxels' own `fine` finest levels and what `coarse` holds of the others; `shares` is
+    /// told the position of a voxel.
+    pub fn outputs_near(
+        &self,
+        of: Contents<'_>,
+        fine: usize,
+        coarse: &Coarse,
+        shares: &(dyn Fn(u32) -> Shares + Sync),
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Outputs, PredictError> {
+        let stencils = self.stencils(of, StencilSpec::new(CELLS_XYZ, fine)?)?;
+        let channels = self.coefficients.channels() as u32;
+        self.in_chunks(voxels, control, |chunk, scratch| {
+            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
+            let (mut places, mut weights) = (Vec::new(), Vec::new());
+            for &voxel in chunk {
+                let (near, share) = shares(voxel);
+                for channel in 0..channels {
+                    places.extend(near.map(|place| place * channels + channel));
+                    weights.extend(share);
                 }
-                None => None,
-            },
-            coefficients: &self.coefficients,
-            trained: self.trained,
-            size: labels.size(),
-        };
-        let order = volume.order(voxels);
+            }
+            let mut outputs = self.no_outputs(chunk.len());
+            let values = &mut outputs.values;
+            scratch.inference.outputs_near(&coarse.states, &places, &weights, &scratch.stencils, values)?;
+            let samples =
+                scratch.stencils.chunks_exact(fine * LEVEL_INPUTS).zip(places.chunks_exact(NEAREST));
+            for ((stencil, places), outside) in samples.zip(&mut outputs.outside) {
+                *outside = self.trained.misses(stencil) || coarse.outside[places[0] as usize];
+            }
+            Ok(outputs)
+        })
+    }
+
+    fn stencils<'a>(&self, of: Contents<'a>, spec: StencilSpec) -> Result<Stencils<'a>, PredictError> {
+        Ok(Stencils::new(spec, of.labels, of.table)?.with_instruction_set(self.instruction_set)?)
+    }
+
+    fn no_outputs(&self, voxels: usize) -> Outputs {
+        let samples = voxels * self.coefficients.channels();
+        Outputs { values: vec![0.0; samples * self.head().outputs()], outside: vec![false; samples] }
+    }
+
+    /// Raw stencils of the voxels at some positions.
+    fn extract(
+        &self,
+        of: &Stencils<'_>,
+        voxels: &[[u32; 3]],
+        positions: &[u32],
+        stencils: &mut Vec<f32>,
+    ) -> Result<(), PredictError> {
+        let chosen: Vec<[u32; 3]> = positions.iter().map(|&i| voxels[i as usize]).collect();
+        stencils.resize(chosen.len() * self.coefficients.values_per_point(of.spec()), 0.0);
+        Ok(of.extract(&self.coefficients, &chosen, stencils, &Control::none())?)
+    }
+
+    /// Computes outputs chunk by chunk of the voxels' positions, neighbours together, and puts them in order.
+    fn in_chunks(
+        &self,
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+        compute: impl Fn(&[u32], &mut Scratch) -> Result<Outputs, PredictError> + Sync,
+    ) -> Result<Outputs, PredictError> {
+        let order = near_order(voxels);
         let done = AtomicU64::new(0);
         let parts = order
             .par_chunks(CHUNK)
             .map(|chunk| -> Result<Outputs, PredictError> {
                 control.check()?;
-                let near: Vec<[u32; 3]> = chunk.iter().map(|&i| voxels[i as usize]).collect();
                 let mut scratch = self.take_scratch();
-                let outputs = volume.outputs(&near, &mut scratch)?;
+                let outputs = compute(chunk, &mut scratch)?;
                 self.leave_scratch(scratch);
                 control.advance(&done, chunk.len() as u64, voxels.len() as u64);
                 Ok(outputs)
@@ -95,8 +203,7 @@ impl Engine {
             .collect::<Result<Vec<_>, _>>()?;
         let channels = self.coefficients.channels();
         let row = channels * self.head().outputs();
-        let mut all =
-            Outputs { values: vec![0.0; voxels.len() * row], outside: vec![false; voxels.len() * channels] };
+        let mut all = self.no_outputs(voxels.len());
         for (chunk, part) in order.chunks(CHUNK).zip(&parts) {
             let rows = part.values.chunks_exact(row).zip(part.outside.chunks_exact(channels));
             for (&i, (values, outside)) in chunk.iter().zip(rows) {
@@ -114,71 +221,5 @@ impl Engine {
 
     fn leave_scratch(&self, scratch: Scratch) {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
-    }
-}
-
-/// The object's labels as stencils are taken from them.
-struct Volume<'a> {
-    /// All levels, for voxels on their own and for blocks.
-    whole: Stencils<'a>,
-    /// The finest levels of voxels that share the others.
-    fine: Option<(Sharing, Stencils<'a>)>,
-    coefficients: &'a Coefficients,
-    trained: TrainedRange,
-    size: [u32; 3],
-}
-
-impl Volume<'_> {
-    /// An order in which voxels that share a block come one after another, and neighbouring blocks close together.
-    fn order(&self, voxels: &[[u32; 3]]) -> Vec<u32> {
-        match self.fine {
-            Some((sharing, _)) => {
-                near_order(&voxels.iter().map(|v| sharing.centre(*v, self.size)).collect::<Vec<_>>())
-            }
-            None => near_order(voxels),
-        }
-    }
-
-    fn outputs(&self, voxels: &[[u32; 3]], scratch: &mut Scratch) -> Result<Outputs, PredictError> {
-        let Scratch { inference, stencils } = scratch;
-        let samples = voxels.len() * self.coefficients.channels();
-        let mut values = vec![0.0; samples * inference.head().outputs()];
-        let Some((sharing, fine)) = &self.fine else {
-            self.extract(&self.whole, voxels, stencils)?;
-            inference.outputs(stencils, &mut values)?;
-            let outside = stencils.chunks_exact(INPUTS).map(|s| self.trained.misses(s)).collect();
-            return Ok(Outputs { values, outside });
-        };
-        let mut blocks: Vec<[u32; 3]> = Vec::new();
-        let mut block_of = Vec::with_capacity(voxels.len());
-        for centre in voxels.iter().map(|v| sharing.centre(*v, self.size)) {
-            if blocks.last() != Some(&centre) {
-                blocks.push(centre);
-            }
-            block_of.push(blocks.len() as u32 - 1);
-        }
-        let channels = self.coefficients.channels() as u32;
-        let places: Vec<u32> =
-            block_of.iter().flat_map(|b| (0..channels).map(move |c| b * channels + c)).collect();
-        self.extract(&self.whole, &blocks, stencils)?;
-        let own = sharing.fine_levels * LEVEL_INPUTS;
-        let beyond: Vec<bool> =
-            stencils.chunks_exact(INPUTS).map(|s| self.trained.exceeds(&s[own..])).collect();
-        let states = inference.coarse_states(sharing.fine_levels, stencils)?;
-        self.extract(fine, voxels, stencils)?;
-        inference.outputs_near(&states, &places, stencils, &mut values)?;
-        let samples = stencils.chunks_exact(own).zip(&places);
-        let outside = samples.map(|(s, p)| self.trained.misses(s) || beyond[*p as usize]).collect();
-        Ok(Outputs { values, outside })
-    }
-
-    fn extract(
-        &self,
-        of: &Stencils<'_>,
-        voxels: &[[u32; 3]],
-        stencils: &mut Vec<f32>,
-    ) -> Result<(), PredictError> {
-        stencils.resize(voxels.len() * self.coefficients.values_per_point(of.spec()), 0.0);
-        Ok(of.extract(self.coefficients, voxels, stencils, &Control::none())?)
     }
 }

@@ -125,8 +125,8 @@ fn described(sharing: Sharing, spaced: bool) -> String {
     };
     match sharing.shares_levels() {
         true => format!(
-            "{place}, {} levels of its own, the others of a block of {}",
-            sharing.fine_levels, sharing.block
+            "{place}, {} levels of its own, the others every {} mm",
+            sharing.fine_levels, sharing.coarse_mm
         ),
         false => format!("{place}, all levels of its own"),
     }

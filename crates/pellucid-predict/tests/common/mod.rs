@@ -27,6 +27,11 @@ pub fn small_network() -> Network {
 }
 
 pub fn network(provenance: Provenance) -> Network {
-    let weights = Weights::initial(Variant::SharedLevelsAndOctants, Head::Radiance, 2, 8.0);
+    network_of(Head::Radiance, provenance)
+}
+
+pub fn network_of(head: Head, provenance: Provenance) -> Network {
+    // Far enough from zero that no ReLU at the end cuts off.
+    let weights = Weights::initial(Variant::SharedLevelsAndOctants, head, 2, 8.0);
     Network::new(TrainedNetwork { weights, provenance }, Precision::F32)
 }

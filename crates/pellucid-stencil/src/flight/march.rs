@@ -28,7 +28,7 @@ pub(super) struct FarSide {
 /// Labels of a grid with the tile at hand.
 struct Labels<'a> {
     grid: &'a LabelGrid,
-    size: [i32; 3],
+    size: [u32; 3],
     dims: [i32; 3],
     at: [i32; 3],
     tile: Option<&'a Tile>,
@@ -37,16 +37,17 @@ struct Labels<'a> {
 impl<'a> Labels<'a> {
     fn new(grid: &'a LabelGrid) -> Self {
         let dims = grid.tile_dims().map(|d| d as i32);
-        Self { grid, size: grid.size().map(|s| s as i32), dims, at: [-1; 3], tile: None }
+        Self { grid, size: grid.size(), dims, at: [-1; 3], tile: None }
     }
 
     #[inline]
     fn get(&mut self, voxel: [i32; 3]) -> u8 {
         const T: i32 = TILE as i32;
-        if (0..3).any(|a| voxel[a] < 0 || voxel[a] >= self.size[a]) {
+        // Below zero is past every size.
+        if (0..3).any(|a| voxel[a] as u32 >= self.size[a]) {
             return 0;
         }
-        let at = voxel.map(|v| v / T);
+        let at = voxel.map(|v| v >> T.trailing_zeros());
         if at != self.at {
             let i = (at[2] * self.dims[1] + at[1]) as usize * self.dims[0] as usize + at[0] as usize;
             (self.at, self.tile) = (at, Some(&self.grid.tiles()[i]));
@@ -54,7 +55,7 @@ impl<'a> Labels<'a> {
         match self.tile {
             Some(Tile::Constant(label)) => *label,
             Some(Tile::Dense(labels)) => {
-                let [x, y, z] = voxel.map(|v| (v % T) as usize);
+                let [x, y, z] = voxel.map(|v| (v & (T - 1)) as usize);
                 labels[(z * TILE + y) * TILE + x]
             }
             None => 0,
