@@ -28,6 +28,9 @@ struct Args {
     /// Weights made by `pellucid train`; those that the library carries without it
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
+    /// Only objects whose name holds this, such as "refined"
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    only: String,
     /// f32 products instead of bf16
     #[arg(long)]
     exact: bool,
@@ -68,19 +71,23 @@ fn study(args: &Args) -> Result<(), Error> {
     record.add("weights", trained.weights.digest());
     let study = Study::new("sharing", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
     let mut rows = Vec::new();
-    let held_out = objects::held_out(args.study.full, &study.folder().join("sets"), &control)?;
+    let wanted = |name: &str| name.contains(&args.only);
+    let held_out = match wanted(objects::HELD_OUT) {
+        true => objects::held_out(args.study.full, &study.folder().join("sets"), &control)?,
+        false => Vec::new(),
+    };
     let print = |row: &Row| {
         println!(
             "{}, {}: rmse {:.4}, bias {:+.4}, {:.2} us",
             row.object, row.predictor, row.rmse, row.bias, row.microseconds
         );
     };
-    for sharing in ways() {
+    for sharing in ways().into_iter().filter(|_| !held_out.is_empty()) {
         let row = on_held_out(&held_out, &trained, precision, sharing, &control)?;
         print(&row);
         rows.push(row);
     }
-    for object in objects::scenes(args.study.full, &control)? {
+    for object in objects::scenes(args.study.full, &wanted, &control)? {
         let from = rows.len();
         for sharing in ways() {
             rows.push(on_object(&object, &trained, precision, sharing, &control)?);
@@ -162,7 +169,7 @@ fn on_held_out(
         volume.compare(&out, &mut score);
     }
     Ok(Row {
-        object: "held-out volumes".into(),
+        object: objects::HELD_OUT.into(),
         predictor: name(sharing),
         microseconds: f64::NAN,
         rmse: score.rmse(),

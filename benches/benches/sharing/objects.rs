@@ -15,6 +15,8 @@ use pellucid_benches::solids::ball;
 use super::{Error, TIMED_POINTS, models};
 
 const INDEX: f64 = 1.5;
+/// Name of the test set's volumes together.
+pub const HELD_OUT: &str = "held-out volumes";
 /// Points of an object whose radiance is traced for comparison.
 const POINTS: usize = 1500;
 const STD_ERROR: f32 = 0.003;
@@ -108,7 +110,7 @@ pub fn held_out(full: bool, folder: &Path, control: &Control<'_>) -> Result<Vec<
             let points = points.collect::<Result<Vec<u32>, _>>()?;
             let object = Object::new(surface, sampler.materials().clone(), header.recipe.refractive_index)?;
             Ok(Judged {
-                name: "held-out volumes".into(),
+                name: HELD_OUT.into(),
                 object: Arc::new(object),
                 labels,
                 points,
@@ -119,24 +121,34 @@ pub fn held_out(full: bool, folder: &Path, control: &Control<'_>) -> Result<Vec<
         .collect()
 }
 
-/// A ball and refined models; in the small study a small ball alone.
-pub fn scenes(full: bool, control: &Control<'_>) -> Result<Vec<Judged>, Error> {
+/// A ball and refined models, in the small study a small ball alone, of which those that are `wanted` by their names.
+pub fn scenes(
+    full: bool,
+    wanted: &dyn Fn(&str) -> bool,
+    control: &Control<'_>,
+) -> Result<Vec<Judged>, Error> {
     let surface = |grid: &LabelGrid| Surface::extract(grid, &SurfaceOptions::default(), control);
+    let mut scenes = Vec::new();
     let diameter = if full { 20.0 } else { 8.0 };
-    let grid = ball(diameter, 0.5);
-    let mut scenes =
-        vec![Judged::traced(&format!("ball of {diameter} mm"), grid.clone(), surface(&grid)?, control)?];
-    if full {
-        for (model, height_mm) in MODELS {
-            let settings = PrintSettings { scale: Scale::HeightMm(height_mm), ..PrintSettings::default() };
-            let job = PrintJob::new(settings)?;
-            let imported = import_path(models().join(format!("{model}.glb")), &ImportLimits::default())?;
-            let placed = job.place(&imported, &Monitor::silent())?;
-            let aimed = job.aim(placed, &Monitor::silent())?;
-            let refined = job.refine(&aimed, &Workspace::none(), &Monitor::silent())?;
-            let surface = surface(&refined.labels)?;
-            scenes.push(Judged::traced(&format!("refined {model}"), refined.labels, surface, control)?);
+    let name = format!("ball of {diameter} mm");
+    if wanted(&name) {
+        let grid = ball(diameter, 0.5);
+        let surface = surface(&grid)?;
+        scenes.push(Judged::traced(&name, grid, surface, control)?);
+    }
+    for (model, height_mm) in MODELS.into_iter().filter(|_| full) {
+        let name = format!("refined {model}");
+        if !wanted(&name) {
+            continue;
         }
+        let settings = PrintSettings { scale: Scale::HeightMm(height_mm), ..PrintSettings::default() };
+        let job = PrintJob::new(settings)?;
+        let imported = import_path(models().join(format!("{model}.glb")), &ImportLimits::default())?;
+        let placed = job.place(&imported, &Monitor::silent())?;
+        let aimed = job.aim(placed, &Monitor::silent())?;
+        let refined = job.refine(&aimed, &Workspace::none(), &Monitor::silent())?;
+        let surface = surface(&refined.labels)?;
+        scenes.push(Judged::traced(&name, refined.labels, surface, control)?);
     }
     Ok(scenes)
 }

@@ -26,6 +26,10 @@ pub enum PredictorKind {
     /// library carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`).
     #[serde(rename = "rpnn")]
     Rpnn,
+    /// Whichever is ahead on the object at hand, by trial: [`PrintJob::choose`](crate::PrintJob::choose). A job's record
+    /// names what was chosen.
+    #[serde(rename = "auto")]
+    Auto,
 }
 
 impl PredictorKind {
@@ -34,6 +38,7 @@ impl PredictorKind {
         match self {
             Self::MonteCarlo => "mc",
             Self::Rpnn => "rpnn",
+            Self::Auto => "auto",
         }
     }
 }
