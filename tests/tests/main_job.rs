@@ -121,6 +121,43 @@ fn the_network_refines_too_and_path_tracing_agrees_that_it_helped() {
     assert!(refused.to_string().contains("refractive index"), "{refused}");
 }
 
+#[test]
+fn a_predictor_is_chosen_by_trial_and_a_resumed_job_keeps_it() {
+    struct CancelAtRefine<'a>(&'a AtomicBool);
+    impl Observer for CancelAtRefine<'_> {
+        fn progress(&self, stage: Stage, done: u64, total: u64) {
+            if stage == Stage::Refine && 2 * done > total {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut settings = quick(2.0);
+    settings.predictor = PredictorKind::Auto;
+    let (job, model) = (PrintJob::new(settings.clone()).unwrap(), patched_ball());
+    let out = folder.path().join("print");
+    let flag = AtomicBool::new(false);
+    let workspace = Workspace::create(&out).unwrap();
+    let cancelled = job.prepare(&model, &workspace, &Monitor::new(&CancelAtRefine(&flag), &flag));
+    assert!(cancelled.err().is_some_and(|e| e.is_cancelled()));
+    let kept = std::fs::read(Workspace::folder_of(&out).join("choice.json")).unwrap();
+    let kept: pellucid::Choice = serde_json::from_slice(&kept).unwrap();
+
+    let workspace = Workspace::resume(&out);
+    let resumed = job.prepare(&model, &workspace, &Monitor::silent()).unwrap();
+    workspace.finish().unwrap();
+    assert!(!Workspace::folder_of(&out).exists());
+    let choice = resumed.choice.as_ref().unwrap();
+    assert_eq!((choice.chosen, choice.trials.len()), (kept.chosen, 2));
+    assert!(choice.trials.iter().all(|t| t.seconds > 0.0 && t.error > 0.0 && t.error < 0.1), "{choice:?}");
+    // The record names what was chosen, and that alone makes the same print.
+    assert_eq!(resumed.record.settings.predictor, choice.chosen);
+    settings.predictor = choice.chosen;
+    let alone = prepare(settings);
+    assert!(alone.refined.labels == resumed.refined.labels && alone.choice.is_none());
+    assert_eq!(alone.record, resumed.record);
+}
+
 /// Sets a flag in a stage: when it begins, or at its first progress.
 struct CancelIn<'a> {
     stage: Stage,

@@ -24,6 +24,7 @@ fn recipe() -> Recipe {
         density,
         other_inks: None,
         neighbours: None,
+        pale: None,
         halftone: Halftone::Ranked,
     };
     Recipe {

@@ -1,7 +1,7 @@
 //! Error against run time of the network by what neighbouring points share, beside the path tracer.
 //!
-//! `cargo bench -p pellucid-benches --bench sharing`: few volumes and a small ball, in minutes; `-- --full` for all of
-//! `docs/results/sharing`: held-out volumes, a ball of 20 mm, and the refined labels of three models.
+//! `cargo bench -p pellucid-benches --bench sharing`: few volumes and a small ball, in minutes; `-- --full` for held-out
+//! volumes, a ball of 20 mm, and the refined labels of three models.
 
 mod objects;
 mod report;
@@ -192,7 +192,11 @@ fn on_object(
     object.compare(&out, &mut score);
     let near = object.near();
     let mut out = vec![0.0; near.len() * object.object.channels()];
-    let (_, spent) = time(|| bound.predict(&near, DRAW, &mut out, control))?;
+    let (_, spent) = time(|| -> Result<_, Error> {
+        // Nothing changed, but outputs that were kept are forgotten.
+        bound.update(&object.labels, Changed::Tiles(&[]), control)?;
+        Ok(bound.predict(&near, DRAW, &mut out, control)?)
+    })?;
     Ok(Row {
         object: object.name.clone(),
         predictor: name(sharing),

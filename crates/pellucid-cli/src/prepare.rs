@@ -88,6 +88,8 @@ enum Predictor {
     Mc,
     /// The trained appearance network, corrected by paths
     Rpnn,
+    /// Whichever is ahead on the object at hand, by trial
+    Auto,
 }
 
 fn device(name: &str) -> Result<NetworkDevice, String> {
@@ -151,10 +153,11 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         settings.predictor = match predictor {
             Predictor::Mc => PredictorKind::MonteCarlo,
             Predictor::Rpnn => PredictorKind::Rpnn,
+            Predictor::Auto => PredictorKind::Auto,
         };
     }
     if let Some(file) = &args.weights {
-        if settings.predictor != PredictorKind::Rpnn {
+        if settings.predictor == PredictorKind::MonteCarlo {
             return Err(Failure::message("--weights are the network's; add --predictor rpnn"));
         }
         settings.weights = Some(NetworkWeights::load(file)?);

@@ -39,6 +39,12 @@ pub fn of(report: &Report, out: &Path) -> String {
         after.voxel.printable.p95,
         100.0 * report.refinement.out_of_gamut
     );
+    if let Some(choice) = &report.choice {
+        let trial =
+            |t: &pellucid::Trial| format!("{} {:.1} s, error {:.3}", t.predictor.name(), t.seconds, t.error);
+        let trials: Vec<String> = choice.trials.iter().map(trial).collect();
+        let _ = writeln!(text, "predictor: {} (a pass by {})", choice.chosen.name(), trials.join("; by "));
+    }
     let _ = writeln!(text, "wrote {}", out.display());
     text
 }

@@ -50,5 +50,5 @@ pub use labels::{
     Errors, HalfStencils, Judgement, LabelledSet, Labelling, STENCIL_VALUES, Sampler, Samples, SetHeader,
     SetInfo, Shard, StoredVolumes, generate, info, judge, verify,
 };
-pub use recipe::{Halftone, Neighbours, OtherInks, Recipe, ShapeClass, Split};
-pub use stream::{Stream, StreamOptions};
+pub use recipe::{Halftone, Neighbours, OtherInks, Pale, Recipe, ShapeClass, Split};
+pub use stream::{Prints, Stream, StreamOptions};

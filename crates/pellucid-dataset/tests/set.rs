@@ -22,6 +22,7 @@ fn header(shard: Shard) -> SetHeader {
         density: 1.0,
         other_inks: None,
         neighbours: None,
+        pale: None,
         halftone: Halftone::Ranked,
     };
     let recipe = Recipe {

@@ -2,7 +2,7 @@
 
 use crate::PredictError;
 
-/// Which work of the network neighbouring points share; `docs/results/sharing` has what it costs in accuracy.
+/// Which work of the network neighbouring points share; the study `sharing` measures what it costs in accuracy.
 ///
 /// A network with an exact first flight is run for points some way apart, and the others take its outputs between them:
 /// what follows the first collision varies slowly over the surface, and every point's own first flight is exact. A

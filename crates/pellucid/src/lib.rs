@@ -79,6 +79,8 @@ pub use pellucid_stencil as stencil;
 pub use pellucid_trace as trace;
 
 #[cfg(feature = "job")]
+pub mod choice;
+#[cfg(feature = "job")]
 pub mod error;
 #[cfg(feature = "job")]
 pub mod job;
@@ -99,6 +101,8 @@ pub mod stage;
 #[cfg(feature = "job")]
 mod workspace;
 
+#[cfg(feature = "job")]
+pub use choice::{Choice, Trial};
 #[cfg(feature = "job")]
 pub use error::PrintError;
 #[cfg(feature = "job")]

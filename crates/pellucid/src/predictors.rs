@@ -17,11 +17,11 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
     Ok(tracer)
 }
 
-/// The predictor that settings name.
+/// The predictor that settings name; the path tracer where an object has to decide.
 pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
     let tracer = monte_carlo(settings, settings.spp)?;
     match settings.predictor {
-        PredictorKind::MonteCarlo => Ok(Arc::new(tracer)),
+        PredictorKind::MonteCarlo | PredictorKind::Auto => Ok(Arc::new(tracer)),
         PredictorKind::Rpnn => corrected(settings, tracer),
     }
 }

@@ -5,6 +5,7 @@ use pellucid_mesh::MeshReport;
 use pellucid_refine::{Evaluation, RefineReport};
 use serde::{Deserialize, Serialize};
 
+use crate::choice::Choice;
 use crate::record::Record;
 
 /// How far the network was off on the labels that were written, in linear radiance, 0 to 1.
@@ -81,6 +82,9 @@ pub struct Report {
     pub evaluation: Evaluation,
     /// The network beside the judge's paths; absent with the path tracer, whose only error is noise.
     pub prediction: Option<PredictionError>,
+    /// What was tried, where the settings left the predictor open.
+    #[serde(default)]
+    pub choice: Option<Choice>,
     /// Wall times in order.
     pub stages: Vec<StageTime>,
     /// Most memory that the process held in bytes, where a program measured it.

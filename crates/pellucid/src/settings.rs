@@ -26,6 +26,10 @@ pub enum PredictorKind {
     /// library carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`).
     #[serde(rename = "rpnn")]
     Rpnn,
+    /// Whichever is ahead on the object at hand, by trial: [`PrintJob::choose`](crate::PrintJob::choose). A job's record
+    /// names what was chosen.
+    #[serde(rename = "auto")]
+    Auto,
 }
 
 impl PredictorKind {
@@ -34,6 +38,7 @@ impl PredictorKind {
         match self {
             Self::MonteCarlo => "mc",
             Self::Rpnn => "rpnn",
+            Self::Auto => "auto",
         }
     }
 }
@@ -75,7 +80,7 @@ pub struct PrintSettings {
     pub spp: u32,
     /// How paths correct the network.
     pub correction: Correction,
-    /// How neighbouring points share the network's coarse levels, where its weights read them first; null for not.
+    /// What neighbouring points share of the network's work; null for nothing.
     pub sharing: Option<Sharing>,
     /// Device that runs the network in candle (features `candle`, `cuda`, `metal`); this library's own kernels run it
     /// without one. Values differ in the last digits.

@@ -18,6 +18,8 @@ pub enum Stage {
     Texture,
     /// Mixture and gamut tables, and the targets within their reach.
     Color,
+    /// Trying which predictor is ahead.
+    Choose,
     /// The refinement: all its iterations.
     Refine,
     /// Judging the labels before and after by fresh paths.
@@ -39,6 +41,7 @@ impl Stage {
             Stage::Nearest => "nearest surface",
             Stage::Texture => "texture",
             Stage::Color => "colour tables",
+            Stage::Choose => "choice of predictor",
             Stage::Refine => "refine",
             Stage::Judge => "judge",
             Stage::Proof => "proof",

@@ -1,6 +1,6 @@
 //! Where a job keeps what it has done: `OUT.job` beside its output.
 //!
-//! It holds the record, `refinement.bin` after every iteration, and `judged.bin` after the judge. Each file is written
+//! It holds the record, `choice.json` where a predictor was chosen, `refinement.bin` after every iteration, and `judged.bin` after the judge. Each file is written
 //! whole or not at all, so a job that was killed goes on where it was, and ends with the same bytes.
 
 use std::path::{Path, PathBuf};
@@ -12,6 +12,8 @@ use crate::record::Record;
 
 /// The refinement's state after its last whole iteration.
 pub(crate) const REFINEMENT: &str = "refinement.bin";
+/// Which predictor was chosen.
+pub(crate) const CHOICE: &str = "choice.json";
 /// What the judge found.
 pub(crate) const JUDGED: &str = "judged.bin";
 
@@ -76,6 +78,6 @@ impl Workspace {
     /// # Errors
     /// [`PrintError::Io`].
     pub fn finish(self) -> Result<(), PrintError> {
-        Ok(self.0.remove(&[REFINEMENT, JUDGED])?)
+        Ok(self.0.remove(&[CHOICE, REFINEMENT, JUDGED])?)
     }
 }

@@ -245,6 +245,7 @@ mod tests {
             density: 1.0,
             other_inks: None,
             neighbours: None,
+            pale: None,
             halftone: crate::Halftone::Ranked,
         };
         let recipe = Recipe {

@@ -8,19 +8,26 @@ use rand_pcg::Pcg64;
 
 use crate::volume::noise::{hash, unit};
 use crate::volume::shape::{Limb, Shape, Wave};
-use crate::volume::texture::{Dither, Pattern, Texture, random_mixture};
+use crate::volume::texture::{Dither, Pattern, Texture, random_mixture, tint};
 use crate::{Recipe, ShapeClass, Split};
 
 /// Purposes of a volume's random numbers beside its draw (0) and its points (1).
 const OTHER_INKS: u64 = 6;
+/// And the one after it.
 pub(crate) const NEIGHBOURS: u64 = 7;
+const PALE: u64 = 9;
 
 impl Recipe {
     /// Solid and arrangement of a volume of a split, for `materials` materials of which the last is white.
     pub fn draw(&self, split: &Split, volume: u32, materials: usize) -> (Shape, Texture) {
         let mut rng = self.rng(split, volume, 0);
         let shape = self.draw_shape(split, &mut rng);
-        (shape, draw_texture(&mut rng, materials))
+        let mut texture = draw_texture(&mut rng, materials);
+        let mut rng = self.rng(split, volume, PALE);
+        if split.pale.is_some_and(|pale| uniform(&mut rng) < pale.share) {
+            texture.palette.iter_mut().for_each(|mixture| *mixture = tint(&mut rng, materials));
+        }
+        (shape, texture)
     }
 
     /// The random numbers of a volume; `purpose` tells independent uses apart.
@@ -68,8 +75,9 @@ impl Recipe {
 
     fn draw_shape(&self, split: &Split, rng: &mut Pcg64) -> Shape {
         let class = draw_class(split, rng);
+        let large_share = split.pale.map_or(self.large_share, |pale| pale.large_share);
         let [low, high] =
-            if uniform(rng) < self.large_share { [self.size_mm[1], self.large_mm] } else { self.size_mm };
+            if uniform(rng) < large_share { [self.size_mm[1], self.large_mm] } else { self.size_mm };
         let size = low * (high / low).powf(uniform(rng));
         let upright = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let turned = random_rotation(rng);

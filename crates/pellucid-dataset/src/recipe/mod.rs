@@ -104,6 +104,10 @@ pub struct Split {
     /// Samples that see the surroundings of a neighbour; none without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub neighbours: Option<Neighbours>,
+    /// Part of the volumes whose mixtures are all tints of white, and of those that are large (up to
+    /// [`Recipe::large_mm`]); both within 0..=1. The recipe's share of large ones, and chance tints, without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pale: Option<Pale>,
     /// What blue noise volumes are halftoned by.
     #[serde(default, skip_serializing_if = "is_default")]
     pub halftone: Halftone,
@@ -118,6 +122,15 @@ pub struct OtherInks {
     pub density: f64,
     /// Each coefficient is multiplied by another factor from 1 / `each` to `each`, even in its logarithm.
     pub each: f64,
+}
+
+/// More of what light passes through for long: pale and large volumes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pale {
+    /// Part of the volumes whose mixtures are all tints of the last material.
+    pub share: f64,
+    /// Part of the volumes that are large, instead of the recipe's.
+    pub large_share: f64,
 }
 
 /// Samples whose stencil is that of another surface voxel nearby, whose label and first flight are their own: what a
@@ -154,6 +167,11 @@ impl Split {
             if ![inks.density, inks.each].iter().all(|f| (1.0..=1000.0).contains(f)) {
                 return Err(("other_inks.density and each", "must lie within 1 to 1000"));
             }
+        }
+        if let Some(pale) = self.pale
+            && ![pale.share, pale.large_share].iter().all(|s| (0.0..=1.0).contains(s))
+        {
+            return Err(("pale.share and large_share", "must lie within 0 to 1"));
         }
         if let Some(near) = self.neighbours {
             if !(0.0..=1.0).contains(&near.share) {
@@ -291,6 +309,7 @@ mod tests {
             density: 1.0,
             other_inks: None,
             neighbours: None,
+            pale: None,
             halftone: Halftone::Ranked,
         };
         Recipe {

@@ -239,6 +239,16 @@ fn pick(mixture: &[f64], threshold: f64) -> u8 {
     mixture.iter().rposition(|&f| f > 0.0).unwrap_or(0) as u8 + 1
 }
 
+/// The last material (white) with a little of another.
+pub(crate) fn tint(rng: &mut impl Rng, materials: usize) -> Mixture {
+    let mut uniform = || unit(rng.next_u64());
+    let mut mixture = vec![0.0; materials];
+    let amount = 0.3 * uniform().powi(2);
+    mixture[((uniform() * materials as f64) as usize).min(materials - 1)] += amount;
+    mixture[materials - 1] += 1.0 - amount;
+    mixture
+}
+
 /// A random mixture: a pure material, two materials, a tint of the last (white), or anything.
 pub(crate) fn random_mixture(rng: &mut impl Rng, materials: usize) -> Mixture {
     let mut uniform = || unit(rng.next_u64());

@@ -201,8 +201,7 @@ impl BoundNetwork {
                 for (&point, after) in points.iter().zip(after.chunks_exact_mut(row)) {
                     let (near, weights) = blend.near(point);
                     for (&node, &weight) in near.iter().zip(weights) {
-                        let at = place[node as usize] as usize;
-                        let values = &outputs.values[at * row..][..row];
+                        let values = &outputs.values[node as usize * row..][..row];
                         after.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
                     }
                     let closest = near[0] as usize;

@@ -11,10 +11,12 @@ use std::sync::Arc;
 
 use pellucid_core::staging;
 use pellucid_mesh::Model;
-use pellucid_predict::Predictor;
+use pellucid_predict::{Identity, InstructionSet, Predictor};
 use pellucid_voxel::LabelGrid;
 
-use crate::{Monitor, PrintError, PrintSettings, Record, Workspace, predictors};
+use crate::stage::Stage;
+use crate::workspace::CHOICE;
+use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, Workspace, predictors};
 
 pub use aimed::{Aimed, SharedInk};
 pub use judged::Judged;
@@ -86,7 +88,7 @@ impl PrintJob {
         workspace: &Workspace,
         monitor: &Monitor<'_>,
     ) -> Result<Prepared, PrintError> {
-        self.prepare_with(&*self.predictor, model, workspace, monitor)
+        self.prepare_chosen(self.place(model, monitor)?, workspace, monitor)
     }
 
     /// [`PrintJob::prepare`] with a predictor of one's own.
@@ -117,7 +119,35 @@ impl PrintJob {
         monitor: &Monitor<'_>,
     ) -> Result<Prepared, PrintError> {
         let placed = self.place_volume(name, labels, color, monitor)?;
-        self.prepare_placed(&*self.predictor, placed, workspace, monitor)
+        self.prepare_chosen(placed, workspace, monitor)
+    }
+
+    /// With the settings' predictor, or the one that is ahead on the object.
+    fn prepare_chosen(
+        &self,
+        placed: Placed,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Prepared, PrintError> {
+        if self.settings.predictor != PredictorKind::Auto {
+            return self.prepare_placed(&*self.predictor, placed, workspace, monitor);
+        }
+        let undecided = Identity::new(PredictorKind::Auto.name(), InstructionSet::chosen(), false);
+        workspace.begin(&Record::new(placed.model.clone(), undecided, self.settings.clone()))?;
+        let aimed = self.aim(placed, monitor)?;
+        let choice = match workspace.load(CHOICE)? {
+            Some(bytes) => serde_json::from_slice(&bytes)
+                .map_err(|e| PrintError::invalid(CHOICE, pellucid_core::json::plain(&e)))?,
+            None => {
+                let choice = monitor.run(Stage::Choose, |control| self.choose(&aimed, control))?;
+                workspace.save(CHOICE, || Ok(serde_json::json!(choice).to_string().into_bytes()))?;
+                choice
+            }
+        };
+        let job = Self::new(PrintSettings { predictor: choice.chosen, ..self.settings.clone() })?;
+        let record = Record::new(aimed.model.clone(), job.predictor.identity(), job.settings.clone());
+        let prepared = job.prepare_aimed(&*job.predictor, record, aimed, workspace, monitor)?;
+        Ok(Prepared { choice: Some(choice), ..prepared })
     }
 
     fn prepare_placed(
@@ -130,8 +160,19 @@ impl PrintJob {
         let record = Record::new(placed.model.clone(), predictor.identity(), self.settings.clone());
         workspace.begin(&record)?;
         let aimed = self.aim(placed, monitor)?;
+        self.prepare_aimed(predictor, record, aimed, workspace, monitor)
+    }
+
+    fn prepare_aimed(
+        &self,
+        predictor: &dyn Predictor,
+        record: Record,
+        aimed: Aimed,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Prepared, PrintError> {
         let refined = self.refine_with(predictor, &aimed, workspace, monitor)?;
         let judged = self.judge(&aimed, &refined, workspace, monitor)?;
-        Ok(Prepared { record, aimed, refined, judged })
+        Ok(Prepared { record, choice: None, aimed, refined, judged })
     }
 }

@@ -9,7 +9,7 @@ use pellucid_slice::{ExportSettings, Recorded, write_stack};
 
 use crate::job::{Aimed, Judged, Refined};
 use crate::stage::Stage;
-use crate::{Monitor, PrintError, Record, Report};
+use crate::{Choice, Monitor, PrintError, Record, Report};
 
 /// What a prepared print consists of; only a folder of these is ever replaced.
 pub fn own_files() -> OwnFiles {
@@ -21,6 +21,8 @@ pub fn own_files() -> OwnFiles {
 pub struct Prepared {
     /// Settings, model and predictor.
     pub record: Record,
+    /// What was tried, where the settings left the predictor open.
+    pub choice: Option<Choice>,
     /// Object and targets.
     pub aimed: Aimed,
     /// The labels to print.
@@ -45,6 +47,7 @@ impl Prepared {
             thin: aimed.thin,
             refinement: self.refined.report.clone(),
             evaluation: self.judged.evaluation.clone(),
+            choice: self.choice.clone(),
             prediction: self.judged.prediction,
             stages: monitor.times(),
             peak_memory_bytes: monitor.peak_memory_bytes(),

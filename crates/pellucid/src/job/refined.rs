@@ -7,7 +7,7 @@ use pellucid_voxel::LabelGrid;
 use crate::job::Aimed;
 use crate::stage::Stage;
 use crate::workspace::REFINEMENT;
-use crate::{Monitor, PrintError, PrintJob, Workspace};
+use crate::{Monitor, PredictorKind, PrintError, PrintJob, PrintSettings, Workspace};
 
 /// Refined labels.
 #[derive(Clone, Debug)]
@@ -34,6 +34,11 @@ impl PrintJob {
         workspace: &Workspace,
         monitor: &Monitor<'_>,
     ) -> Result<Refined, PrintError> {
+        if self.settings.predictor == PredictorKind::Auto {
+            let chosen = monitor.run(Stage::Choose, |control| self.choose(aimed, control))?.chosen;
+            let settings = PrintSettings { predictor: chosen, ..self.settings.clone() };
+            return Self::new(settings)?.refine(aimed, workspace, monitor);
+        }
         self.refine_with(&*self.predictor, aimed, workspace, monitor)
     }
 
