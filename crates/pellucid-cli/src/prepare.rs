@@ -163,7 +163,7 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         settings.weights = Some(NetworkWeights::load(file)?);
     }
     if let Some(device) = args.device {
-        if settings.predictor != PredictorKind::Rpnn {
+        if settings.predictor == PredictorKind::MonteCarlo {
             return Err(Failure::message("--device is the network's; add --predictor rpnn"));
         }
         settings.device = Some(device);

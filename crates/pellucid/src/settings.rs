@@ -141,6 +141,9 @@ impl PrintSettings {
                 return Err(PrintError::invalid(field, format!("{value}; 1 to {MOST} are possible")));
             }
         }
+        if let (Some(device), PredictorKind::Rpnn | PredictorKind::Auto) = (self.device, self.predictor) {
+            device.check()?;
+        }
         if !(1.0..=3.0).contains(&self.refractive_index) {
             return Err(PrintError::invalid(
                 "refractive_index",

@@ -25,6 +25,7 @@ fn help_names_every_command_and_option() {
         "--refractive-index",
         "--predictor",
         "--weights",
+        "--device",
         "--spp",
         "--iterations",
         "--seed",
@@ -85,6 +86,7 @@ fn arguments_out_of_range_say_what_is_allowed() {
         (["--iterations", "-3"], "from 0"),
         (["--refractive-index", "0.5"], "1 (index-matched) to 3"),
         (["--instruction-set", "sse"], "portable, avx2"),
+        (["--device", "tpu"], "cpu, cuda, metal"),
     ];
     for (option, allowed) in cases {
         let refused = run(&quick("none.glb", "none", &option));
@@ -116,6 +118,22 @@ fn refusals_come_before_work_with_their_cause_once() {
     let refused = run(&quick(text(&model), text(&out), &["--settings", text(&settings)]));
     assert!(stderr(&refused).contains("settings.json"), "{}", stderr(&refused));
     assert!(!stderr(&refused).contains("u32"), "{}", stderr(&refused));
+    // Before the model is looked at.
+    for (device, feature, built) in [
+        ("cpu", "candle", cfg!(feature = "candle")),
+        ("cuda", "cuda", cfg!(feature = "cuda")),
+        ("metal", "metal", cfg!(feature = "metal")),
+    ] {
+        for predictor in ["rpnn", "auto"].into_iter().filter(|_| !built) {
+            let refused =
+                run(&quick("missing.glb", text(&out), &["--predictor", predictor, "--device", device]));
+            assert_eq!(refused.status.code(), Some(1));
+            let message = stderr(&refused);
+            assert!(message.contains(&format!("feature {feature:?}")), "{message}");
+        }
+        let refused = run(&quick("missing.glb", text(&out), &["--device", device]));
+        assert!(stderr(&refused).contains("--predictor rpnn"), "{}", stderr(&refused));
+    }
     // No refusal leaves a folder.
     assert!(!folder.path().join("deep").exists());
 }
