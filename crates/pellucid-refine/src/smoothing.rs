@@ -14,6 +14,9 @@ const SAME_SIDE: f32 = 0.5;
 const PASS_MM: f64 = 0.045;
 /// A pass is cut at this many standard deviations.
 const CUT: f64 = 2.0;
+/// Along an axis whose voxels are longer than this part of the cut, the cut would leave the next voxel less than the
+/// Gaussian's share: only few of its own neighbours lie within it.
+const FINE: f64 = 0.8;
 /// Points that one task handles.
 const CHUNK: usize = 2048;
 
@@ -182,16 +185,19 @@ impl SurfaceSmoother {
 }
 
 impl Kernel {
-    /// A Gaussian, cut. Along an axis whose voxels are longer than the cut the next voxel still takes part, with the
-    /// weight that gives three voxels the Gaussian's variance.
+    /// A Gaussian, cut. Along an axis whose voxels are about as long as the cut, or longer, the next voxel takes part
+    /// whole, with the weight that gives three voxels the Gaussian's variance.
     fn new(sigma: f64, pitch: [f64; 3]) -> Self {
-        let reach = pitch.map(|p| (CUT * sigma / p).floor().min(8.0) as i64);
         let coarse: [Option<f64>; 3] = std::array::from_fn(|a| {
             let t = (sigma / pitch[a]).powi(2);
-            (reach[a] == 0).then_some(t / (2.0 - 2.0 * t))
+            (pitch[a] > FINE * CUT * sigma).then_some(t / (2.0 - 2.0 * t))
         });
+        let reach = |a: usize| match coarse[a] {
+            Some(_) => 1,
+            None => (CUT * sigma / pitch[a]).floor().min(8.0) as i64,
+        };
         let (mut steps, mut weights) = (Vec::new(), Vec::new());
-        let [x, y, z] = reach.map(|r| -r.max(1)..=r.max(1));
+        let [x, y, z] = [0, 1, 2].map(|a| -reach(a)..=reach(a));
         for z in z {
             for y in y.clone() {
                 for x in x.clone() {
@@ -372,6 +378,13 @@ mod tests {
             .collect();
         let left = 12.0 * kept.iter().map(|v| v * v).sum::<f64>() / kept.len() as f64;
         (left, (0..2).map(|a| variance_left((sigma / pitch[a]).powi(2))).product())
+    }
+
+    #[test]
+    fn a_coarse_axis_is_smoothed_beside_a_fine_one() {
+        // The next voxel lies just within a cut, its own neighbours along the fine axis do not.
+        let (left, gaussian) = white_noise([0.08944526, 0.02, 0.03], 0.17913395, 0, false);
+        assert!(left < 1.9 * gaussian, "{left} of {gaussian}");
     }
 
     #[test]
