@@ -102,41 +102,38 @@ fn whole(rows: &[Row], shapes: Shapes) -> impl Iterator<Item = &Row> + Clone {
     rows.iter().filter(move |r| r.class.is_empty() && r.shapes == shapes.name())
 }
 
-/// A row an architecture, a column a set; seeds beside each other.
-pub fn by_set(rows: &[Row], shapes: Shapes, sets: &[&str], value: impl Fn(&Row) -> String) -> Table {
+/// A row an architecture, a column a set, with what `cell` makes of each.
+fn by_architecture(sets: &[&str], cell: impl Fn(Variant, &str) -> String) -> Table {
     let columns: Vec<String> = sets.iter().map(|set| format!(">{set}")).collect();
     let columns: Vec<&str> =
         std::iter::once("architecture").chain(columns.iter().map(String::as_str)).collect();
     let mut table = Table::new(&columns);
     for variant in Variant::ALL {
-        let cell = |set: &&str| {
-            let own = whole(rows, shapes).filter(|r| r.variant == variant.name() && r.set == **set);
-            own.map(&value).collect::<Vec<_>>().join(", ")
-        };
-        table.row(std::iter::once(variant.name().to_owned()).chain(sets.iter().map(cell)));
+        let cells = sets.iter().map(|set| cell(variant, set));
+        table.row(std::iter::once(variant.name().to_owned()).chain(cells));
     }
     table
 }
 
+/// A row an architecture, a column a set; seeds beside each other.
+pub fn by_set(rows: &[Row], shapes: Shapes, sets: &[&str], value: impl Fn(&Row) -> String) -> Table {
+    by_architecture(sets, |variant, set| {
+        let own = whole(rows, shapes).filter(|r| r.variant == variant.name() && r.set == set);
+        own.map(&value).collect::<Vec<_>>().join(", ")
+    })
+}
+
 /// RMSE as parts of the baseline's, geometric means over seeds.
 pub fn against_baseline(rows: &[Row], shapes: Shapes, sets: &[&str]) -> Table {
-    let columns: Vec<String> = sets.iter().map(|set| format!(">{set}")).collect();
-    let columns: Vec<&str> =
-        std::iter::once("architecture").chain(columns.iter().map(String::as_str)).collect();
-    let mut table = Table::new(&columns);
-    for variant in Variant::ALL {
-        let cell = |set: &&str| {
-            let of = |variant: Variant| {
-                let own = whole(rows, shapes).filter(|r| r.variant == variant.name() && r.set == **set);
-                let logs: Vec<f64> = own.map(|r| r.rmse.ln()).collect();
-                logs.iter().sum::<f64>() / logs.len() as f64
-            };
-            let ratio = (of(variant) - of(Variant::Baseline)).exp();
-            if ratio.is_finite() { format!("{ratio:.2}") } else { "-".into() }
+    by_architecture(sets, |variant, set| {
+        let of = |variant: Variant| {
+            let own = whole(rows, shapes).filter(|r| r.variant == variant.name() && r.set == set);
+            let logs: Vec<f64> = own.map(|r| r.rmse.ln()).collect();
+            logs.iter().sum::<f64>() / logs.len() as f64
         };
-        table.row(std::iter::once(variant.name().to_owned()).chain(sets.iter().map(cell)));
-    }
-    table
+        let ratio = (of(variant) - of(Variant::Baseline)).exp();
+        if ratio.is_finite() { format!("{ratio:.2}") } else { "-".into() }
+    })
 }
 
 /// RMSE by shape family of a set: a row a family, a column an architecture, seeds beside each other.

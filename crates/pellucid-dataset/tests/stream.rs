@@ -5,8 +5,8 @@ use std::sync::atomic::AtomicBool;
 use pellucid_dataset::volume::fill;
 use pellucid_dataset::volume::texture::BlueNoise;
 use pellucid_dataset::{
-    DatasetError, Halftone, LabelledSet, Labelling, Prints, Recipe, STENCIL_VALUES, Sampler, SetHeader,
-    ShapeClass, Shard, Split, StoredVolumes, Stream, StreamOptions, generate,
+    DatasetError, Halftone, LabelledSet, Labelling, Neighbours, Prints, Recipe, STENCIL_VALUES, Sampler,
+    SetHeader, ShapeClass, Shard, Split, StoredVolumes, Stream, StreamOptions, generate,
 };
 use pellucid_stencil::FirstFlight;
 use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
@@ -293,5 +293,52 @@ fn prints_take_the_place_of_their_share_of_the_volumes() {
         let prints = Prints::new(vec![wrong], 0.5).unwrap();
         let refused = Stream::with_prints(&recipe(), "train", &MaterialTable::cmykw(), prints, options());
         assert!(refused.err().is_some_and(|e| e.to_string().contains("print 0")));
+    }
+}
+
+#[test]
+fn a_second_pass_has_the_same_samples_in_another_order() {
+    let (mut once, mut twice) = (stream(options()), stream(StreamOptions { passes: 2, ..options() }));
+    let per_pass = once.batches_per_window();
+    assert_eq!(twice.batches_per_window(), 2 * per_pass);
+    let pass = |stream: &mut Stream, from: u64| -> Vec<Vec<f32>> {
+        let batches = (from..from + per_pass).map(|i| batch(stream, i));
+        batches
+            .flat_map(|(stencils, ..)| {
+                stencils.chunks_exact(STENCIL_VALUES).map(<[f32]>::to_vec).collect::<Vec<_>>()
+            })
+            .collect()
+    };
+    let (plain, first, second) = (pass(&mut once, 0), pass(&mut twice, 0), pass(&mut twice, per_pass));
+    assert!(plain == first && first != second);
+    // Batches leave out less than one of them a pass, which need not be the same samples.
+    let known = second.iter().filter(|s| first.contains(s)).count();
+    assert!(known + options().batch > second.len(), "{known} of {}", second.len());
+    // The next window follows.
+    assert!(pass(&mut once, per_pass) == pass(&mut twice, 2 * per_pass));
+}
+
+#[test]
+fn a_neighbours_surroundings_come_with_ones_own_flight_and_label() {
+    let sampler = |share: f64| {
+        let mut recipe = recipe();
+        recipe.splits[0].shapes = vec![(ShapeClass::Sphere, 1.0)];
+        recipe.splits[0].neighbours = Some(Neighbours { share, reach_mm: 0.125 });
+        Sampler::new(&recipe, "train", &MaterialTable::cmykw(), Boundary::default()).unwrap()
+    };
+    let of = |share: f64| sampler(share).samples(1, 40, Labelling::Paths(2), &Control::none()).unwrap();
+    let (own, shared) = (of(0.0), of(1.0));
+    assert_eq!(
+        (&own.voxels, &own.flights, &own.radiance),
+        (&shared.voxels, &shared.flights, &shared.radiance)
+    );
+    let (a, b) = (own.stencils.to_f32(), shared.stencils.to_f32());
+    let points = |s: &[f32]| s.chunks_exact(3 * STENCIL_VALUES).map(<[f32]>::to_vec).collect::<Vec<_>>();
+    let moved = points(&a).iter().zip(points(&b)).filter(|(a, b)| **a != *b).count();
+    assert!(moved > 30, "{moved} of 40: nearly every point has a neighbour that faces its way");
+    // The widest levels hardly notice a step of 0.125 mm: a cell's edge is 256 voxels.
+    let widest = |s: &[f32]| s[8 * 270..].iter().sum::<f32>();
+    for (a, b) in a.chunks_exact(STENCIL_VALUES).zip(b.chunks_exact(STENCIL_VALUES)) {
+        assert!((widest(a) - widest(b)).abs() <= 0.05 * widest(a), "{} {}", widest(a), widest(b));
     }
 }

@@ -127,6 +127,8 @@ pub enum Pass {
     Judge(u32),
     /// A proof's pictures.
     Proof,
+    /// The comparison that predictors are tried against.
+    Trial,
 }
 
 impl Pass {
@@ -136,6 +138,7 @@ impl Pass {
             Self::Loop(iteration) => iteration & 0x3fff_ffff,
             Self::Judge(part) => 0x4000_0000 | (part & 0xffff),
             Self::Proof => 0x4001_0000,
+            Self::Trial => 0x4001_0001,
         }
     }
 }

@@ -201,6 +201,23 @@ fn a_staircase_is_crossed_and_a_gap_is_not() {
 }
 
 #[test]
+fn progress_counts_points() {
+    let frame = Frame::new([0.0; 3], Pitch::j750(), [30, 30, 30]).unwrap();
+    let grid = LabelGrid::from_fn(frame, |_| 3);
+    let (surface, table) = (surface(&grid), materials());
+    let points: Vec<u32> = (0..surface.len() as u32).collect();
+    let mut out = vec![FirstFlight::default(); 3 * points.len()];
+    let told = std::sync::Mutex::new(Vec::new());
+    let note = |done: u64, total: u64| told.lock().unwrap().push((done, total));
+    let control = Control::none().with_progress(&note);
+    FirstFlights::new(&table, &grid, &surface, 1.5).unwrap().extract(&points, &mut out, &control).unwrap();
+    let told = told.into_inner().unwrap();
+    let all = points.len() as u64;
+    assert!(told.iter().all(|(done, total)| *total == all && *done <= all), "{told:?}");
+    assert!(told.iter().any(|(done, _)| *done == all));
+}
+
+#[test]
 fn refuses_what_does_not_fit() {
     let frame = Frame::new([0.0; 3], Pitch::j750(), [4, 4, 4]).unwrap();
     let grid = LabelGrid::from_fn(frame, |_| 4);

@@ -146,8 +146,7 @@ impl PrintJob {
                 predictors::monte_carlo(self.settings(), PATHS)?.bind(Arc::clone(&aimed.object))?;
             bound.update(&labels, Changed::Unknown, &control.silent())?;
             let mut radiance = vec![0.0; patches.points.len() * channels];
-            // No pass of the judge's or the loop's has this number.
-            let draw = Draw::new(self.settings().seed, Pass::Loop((1 << 30) - 1));
+            let draw = Draw::new(self.settings().seed, Pass::Trial);
             bound.predict(&patches.points, draw, &mut radiance, &control.silent())?;
             patches.means(&radiance, channels)
         };

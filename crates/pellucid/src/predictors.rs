@@ -55,7 +55,10 @@ fn in_candle(
     use pellucid_predict::CandleNetwork;
     use pellucid_rpnn::Precision;
 
-    let network = CandleNetwork::new(network.trained().clone(), device.open()?, Precision::F32)?;
+    let mut network = CandleNetwork::new(network.trained().clone(), device.open()?, Precision::F32)?;
+    if let Some(set) = settings.instruction_set {
+        network = network.with_instruction_set(set)?;
+    }
     Ok(Arc::new(network.with_sharing(settings.sharing)?))
 }
 

@@ -290,6 +290,7 @@ impl Recipe {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pellucid_voxel::MaterialTable;
 
     #[test]
     fn families_are_named_as_recipes_spell_them() {
@@ -346,6 +347,54 @@ mod tests {
         let training: Vec<_> = recipe.split("train").unwrap().shapes.iter().map(|s| s.0).collect();
         assert!(recipe.split("unseen-shape").unwrap().shapes.iter().all(|s| !training.contains(&s.0)));
         assert!(Recipe::read(Path::new("nowhere.json")).unwrap_err().to_string().contains("nowhere.json"));
+    }
+
+    #[test]
+    fn other_inks_are_a_share_of_the_volumes_within_their_factors() {
+        let (mut r, table) = (recipe(), MaterialTable::cmykw());
+        let plain = r.draw_materials(&r.splits[0], 3, &table).unwrap();
+        assert_eq!(plain.materials(), table.materials());
+        r.splits[0].other_inks = Some(OtherInks { share: 0.5, density: 6.0, each: 1.5 });
+        let (mut others, mut densities) = (0, Vec::new());
+        for volume in 0..200 {
+            let drawn = r.draw_materials(&r.splits[0], volume, &table).unwrap();
+            assert_eq!(drawn, r.draw_materials(&r.splits[0], volume, &table).unwrap());
+            let pairs = || drawn.materials().iter().zip(table.materials());
+            let coefficients = pairs()
+                .flat_map(|(a, b)| a.sigma_s.iter().zip(&b.sigma_s).chain(a.sigma_a.iter().zip(&b.sigma_a)));
+            let factors: Vec<f64> = coefficients.map(|(a, b)| f64::from(*a) / f64::from(*b)).collect();
+            if factors.iter().all(|f| (f - 1.0).abs() < 1e-6) {
+                continue;
+            }
+            others += 1;
+            let (least, most) =
+                factors.iter().fold((f64::INFINITY, 0.0f64), |(l, m), &f| (l.min(f), m.max(f)));
+            assert!(most / least > 1.1 && most / least <= 2.25 * 1.001, "{least} {most}");
+            assert!(least > 1.0 / 9.01 && most < 9.01, "{least} {most}");
+            densities.push((least * most).sqrt());
+        }
+        // Four standard errors of 200 draws with even chances.
+        assert!((100 - others as i32).abs() <= 28, "{others}");
+        assert!(densities.iter().any(|d| *d > 4.0) && densities.iter().any(|d| *d < 0.25));
+    }
+
+    #[test]
+    fn pale_volumes_are_tints_and_more_are_large() {
+        let mut r = recipe();
+        r.splits[0].shapes = vec![(ShapeClass::Sphere, 1.0)];
+        let before = r.draw(&r.splits[0], 7, 5);
+        r.splits[0].pale = Some(Pale { share: 0.0, large_share: r.large_share });
+        assert_eq!(r.draw(&r.splits[0], 7, 5), before, "a share of none changes nothing");
+        r.splits[0].pale = Some(Pale { share: 1.0, large_share: 1.0 });
+        for volume in 0..20 {
+            let (shape, texture) = r.draw(&r.splits[0], volume, 5);
+            assert!(
+                texture.palette.iter().all(|m| m[4] >= 0.7 && (m.iter().sum::<f64>() - 1.0).abs() < 1e-12)
+            );
+            assert!(shape.reach()[0] >= 0.5 * r.size_mm[1], "{shape:?}");
+        }
+        r.splits[0].pale = Some(Pale { share: 1.5, large_share: 0.0 });
+        assert!(r.check().unwrap_err().to_string().contains("pale"));
     }
 
     #[test]

@@ -137,17 +137,12 @@ impl BoundNetwork {
         let mut guard = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let all = Arc::make_mut(&mut guard);
         let channels = self.object.channels();
-        let row = channels * Head::MOST_OUTPUTS;
-        all.there.resize(count, false);
-        all.outputs.values.resize(count * row, 0.0);
-        all.outputs.outside.resize(count * channels, false);
-        let rows = found.values.chunks_exact(row).zip(found.outside.chunks_exact(channels));
-        for (&node, (values, outside)) in missing.iter().zip(rows) {
-            let node = node as usize;
-            all.there[node] = true;
-            all.outputs.values[node * row..][..row].copy_from_slice(values);
-            all.outputs.outside[node * channels..][..channels].copy_from_slice(outside);
+        if all.there.is_empty() {
+            all.there.resize(count, false);
+            all.outputs = Outputs::zeros(count, channels, Head::FirstFlight.outputs());
         }
+        all.outputs.put(&missing, &found, channels);
+        missing.iter().for_each(|&node| all.there[node as usize] = true);
         Ok(Arc::clone(&guard))
     }
 

@@ -52,6 +52,24 @@ pub(super) struct Outputs {
     pub outside: Vec<bool>,
 }
 
+impl Outputs {
+    /// Zeros for some voxels.
+    pub fn zeros(voxels: usize, channels: usize, outputs: usize) -> Self {
+        let samples = voxels * channels;
+        Self { values: vec![0.0; samples * outputs], outside: vec![false; samples] }
+    }
+
+    /// Puts what was found for some voxels, in order, at their `positions` among these.
+    pub fn put(&mut self, positions: &[u32], found: &Self, channels: usize) {
+        let row = found.values.len() / positions.len().max(1);
+        let rows = found.values.chunks_exact(row.max(1)).zip(found.outside.chunks_exact(channels));
+        for (&i, (values, outside)) in positions.iter().zip(rows) {
+            self.values[i as usize * row..][..row].copy_from_slice(values);
+            self.outside[i as usize * channels..][..channels].copy_from_slice(outside);
+        }
+    }
+}
+
 /// What the network made of the coarse levels of some places.
 pub(super) struct Coarse {
     /// `[place][channel]`.
@@ -112,21 +130,13 @@ impl Engine {
     ) -> Result<Coarse, PredictError> {
         let stencils = self.stencils(of, StencilSpec::paper())?;
         let order: Vec<u32> = (0..voxels.len() as u32).collect();
-        let done = AtomicU64::new(0);
-        let parts = order
-            .par_chunks(CHUNK)
-            .map(|chunk| -> Result<(CoarseStates, Vec<bool>), PredictError> {
-                control.check()?;
-                let mut scratch = self.take_scratch();
-                self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
-                let states = scratch.inference.coarse_states(fine, &scratch.stencils)?;
-                let beyond = |s: &[f32]| self.trained.exceeds(&s[fine * LEVEL_INPUTS..]);
-                let outside = scratch.stencils.chunks_exact(INPUTS).map(beyond).collect();
-                self.leave_scratch(scratch);
-                control.advance(&done, chunk.len() as u64, voxels.len() as u64);
-                Ok((states, outside))
-            })
-            .collect::<Result<Vec<_>, _>>()?;
+        let parts = self.each_chunk(&order, control, |chunk, scratch| {
+            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
+            let states = scratch.inference.coarse_states(fine, &scratch.stencils)?;
+            let beyond = |s: &[f32]| self.trained.exceeds(&s[fine * LEVEL_INPUTS..]);
+            let outside: Vec<bool> = scratch.stencils.chunks_exact(INPUTS).map(beyond).collect();
+            Ok((states, outside))
+        })?;
         let (states, outside): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
         Ok(Coarse { states: CoarseStates::joined(fine, states), outside: outside.concat() })
     }
@@ -136,8 +146,7 @@ impl Engine {
     }
 
     fn no_outputs(&self, voxels: usize) -> Outputs {
-        let samples = voxels * self.coefficients.channels();
-        Outputs { values: vec![0.0; samples * self.head().outputs()], outside: vec![false; samples] }
+        Outputs::zeros(voxels, self.coefficients.channels(), self.head().outputs())
     }
 
     /// Raw stencils of the voxels at some positions.
@@ -161,29 +170,31 @@ impl Engine {
         compute: impl Fn(&[u32], &mut Scratch) -> Result<Outputs, PredictError> + Sync,
     ) -> Result<Outputs, PredictError> {
         let order = near_order(voxels);
-        let done = AtomicU64::new(0);
-        let parts = order
-            .par_chunks(CHUNK)
-            .map(|chunk| -> Result<Outputs, PredictError> {
-                control.check()?;
-                let mut scratch = self.take_scratch();
-                let outputs = compute(chunk, &mut scratch)?;
-                self.leave_scratch(scratch);
-                control.advance(&done, chunk.len() as u64, voxels.len() as u64);
-                Ok(outputs)
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let channels = self.coefficients.channels();
-        let row = channels * self.head().outputs();
+        let parts = self.each_chunk(&order, control, compute)?;
         let mut all = self.no_outputs(voxels.len());
         for (chunk, part) in order.chunks(CHUNK).zip(&parts) {
-            let rows = part.values.chunks_exact(row).zip(part.outside.chunks_exact(channels));
-            for (&i, (values, outside)) in chunk.iter().zip(rows) {
-                all.values[i as usize * row..][..row].copy_from_slice(values);
-                all.outside[i as usize * channels..][..channels].copy_from_slice(outside);
-            }
+            all.put(chunk, part, self.coefficients.channels());
         }
         Ok(all)
+    }
+
+    /// What `compute` makes of each chunk of an order, on all threads.
+    fn each_chunk<T: Send>(
+        &self,
+        order: &[u32],
+        control: &Control<'_>,
+        compute: impl Fn(&[u32], &mut Scratch) -> Result<T, PredictError> + Sync,
+    ) -> Result<Vec<T>, PredictError> {
+        let done = AtomicU64::new(0);
+        let each = order.par_chunks(CHUNK).map(|chunk| {
+            control.check()?;
+            let mut scratch = self.take_scratch();
+            let made = compute(chunk, &mut scratch)?;
+            self.leave_scratch(scratch);
+            control.advance(&done, chunk.len() as u64, order.len() as u64);
+            Ok(made)
+        });
+        each.collect()
     }
 
     fn take_scratch(&self) -> Scratch {

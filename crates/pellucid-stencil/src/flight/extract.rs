@@ -146,7 +146,7 @@ impl<'a> FirstFlights<'a> {
             let count = self.surface.len();
             return Err(StencilError::invalid("points", format!("{point}; the surface has {count}")));
         }
-        let done = AtomicU64::new(0);
+        let (done, total) = (AtomicU64::new(0), points.len() as u64);
         points.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK * self.channels)).try_for_each(
             |(points, out)| {
                 control.check()?;
@@ -156,7 +156,7 @@ impl<'a> FirstFlights<'a> {
                         out.iter_mut().zip(flights).for_each(|(out, flight)| *out = flight);
                     }
                 }
-                control.advance(&done, points.len() as u64, out.len() as u64);
+                control.advance(&done, points.len() as u64, total);
                 Ok(())
             },
         )

@@ -140,7 +140,7 @@ impl PrintJob {
                 .map_err(|e| PrintError::invalid(CHOICE, pellucid_core::json::plain(&e)))?,
             None => {
                 let choice = monitor.run(Stage::Choose, |control| self.choose(&aimed, control))?;
-                workspace.save(CHOICE, || Ok(serde_json::json!(choice).to_string().into_bytes()))?;
+                workspace.save(CHOICE, || Ok(serde_json::json!(choice).to_string().into()))?;
                 choice
             }
         };

@@ -71,8 +71,7 @@ impl Evaluator for Engine {
         let batches: Vec<&[u32]> = order.chunks(self.voxels).collect();
         let channels = self.coefficients.channels();
         let row = channels * self.head().outputs();
-        let mut all =
-            Outputs { values: vec![0.0; voxels.len() * row], outside: vec![false; voxels.len() * channels] };
+        let mut all = Outputs::zeros(voxels.len(), channels, self.head().outputs());
         let mut done = 0;
         let produce = |batch: usize| -> Result<Batch, PredictError> {
             control.check()?;
@@ -87,11 +86,10 @@ impl Evaluator for Engine {
         };
         let consume = |batch: usize, made: Batch| -> Result<(), PredictError> {
             let values = self.compute(made.stencils).map_err(|e| PredictError::failed("rpnn", e))?;
-            let rows = values.chunks_exact(row).zip(made.outside.chunks_exact(channels));
-            for (&i, (values, outside)) in batches[batch].iter().zip(rows) {
-                all.values[i as usize * row..][..row].copy_from_slice(values);
-                all.outside[i as usize * channels..][..channels].copy_from_slice(outside);
-            }
+            let positions = batches[batch];
+            // The rest are the outputs of empty stencils.
+            let found = Outputs { values: values[..positions.len() * row].to_vec(), outside: made.outside };
+            all.put(positions, &found, channels);
             Ok(())
         };
         pipeline::run(batches.len(), self.beside, produce, consume)?;

@@ -41,6 +41,7 @@ pub struct CandleNetwork {
     device: Device,
     precision: Precision,
     sharing: Option<Sharing>,
+    instruction_set: InstructionSet,
     batch: usize,
 }
 
@@ -70,6 +71,7 @@ impl CandleNetwork {
             inputs,
             precision,
             sharing: Some(whole(Sharing::default())),
+            instruction_set: InstructionSet::chosen(),
             batch: if device.is_cpu() { ON_CPU } else { ON_DEVICE },
             device,
             trained,
@@ -92,6 +94,15 @@ impl CandleNetwork {
     pub fn with_sharing(mut self, sharing: Option<Sharing>) -> Result<Self, PredictError> {
         sharing.map_or(Ok(()), Sharing::check)?;
         self.sharing = sharing.map(whole);
+        Ok(self)
+    }
+
+    /// The same with stencils extracted on other instructions than [`InstructionSet::chosen`]; candle chooses its own.
+    ///
+    /// # Errors
+    /// [`PredictError::Unsupported`] where the processor lacks them.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, PredictError> {
+        self.instruction_set = set.require().map_err(PredictError::Unsupported)?;
         Ok(self)
     }
 
@@ -130,7 +141,7 @@ impl CandleNetwork {
             voxels: (self.batch / coefficients.channels()).max(1),
             coefficients,
             trained: TrainedRange::new(&self.trained.provenance),
-            instruction_set: InstructionSet::chosen(),
+            instruction_set: self.instruction_set,
             beside: !self.device.is_cpu(),
         })
     }
@@ -160,7 +171,7 @@ fn device_name(device: &Device) -> &'static str {
 impl Predictor for CandleNetwork {
     fn identity(&self) -> Identity {
         let described = described(self.sharing, self.rpnn.head());
-        identity(&self.trained, &self.digest, self.precision, described, InstructionSet::chosen())
+        identity(&self.trained, &self.digest, self.precision, described, self.instruction_set)
             .with("engine", "candle")
             .with("device", device_name(&self.device))
             .with("batch", self.batch)
