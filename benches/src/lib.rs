@@ -4,10 +4,12 @@
 //! | --- | --- |
 //! | [`volumes`] | test volumes |
 //! | [`dense`] | the dense tables that summed-area tables are compared with |
+//! | [`appearance`] | colour differences, times of stencils, false colours |
 //! | [`solids`] | halftoned solids of the studies |
 //! | [`study`] | settings, records, tables and plots of the studies |
 #![forbid(unsafe_code)]
 
+pub mod appearance;
 pub mod dense;
 pub mod solids;
 pub mod study;

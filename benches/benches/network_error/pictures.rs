@@ -9,6 +9,7 @@ use pellucid::predict::Object;
 use pellucid::proof::{View, Visibility, contact_sheet};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::{Control, Surface, SurfaceOptions};
+use pellucid_benches::appearance::signed_color;
 
 use super::{Candidate, Error, shared};
 
@@ -68,9 +69,7 @@ pub fn draw(
             let own = i * channels..(i + 1) * channels;
             let sum: f32 = values[own.clone()].iter().zip(&reference[own]).map(|(a, b)| a - b).sum();
             let difference = sum / channels as f32;
-            let part = (difference / FULL).clamp(-1.0, 1.0);
-            // White at no error; the stronger the error, the less of the other two colours.
-            if part > 0.0 { [1.0, 1.0 - part, 1.0 - part] } else { [1.0 + part, 1.0 + part, 1.0] }
+            signed_color(difference, FULL)
         })
     };
     let rows = predictions

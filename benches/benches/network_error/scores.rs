@@ -3,23 +3,20 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use pellucid::color::delta_e::delta_e_2000_of_linear_rgb;
-use pellucid::color::{ErrorStats, Viewing};
+use pellucid::color::Viewing;
 use pellucid::dataset::{Judgement, LabelledSet, Sampler, ShapeClass};
 use pellucid::predict::Object;
-use pellucid::stencil::{Coefficients, Features, StencilSpec, Stencils, near_order};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
-use pellucid::voxel::{Control, CountSat, Surface, SurfaceOptions};
+use pellucid::voxel::{Control, Surface, SurfaceOptions};
 
 use super::shared::{name_in_use, sample_seconds, shares};
 use super::{Candidate, Error, shared};
-use pellucid_benches::study::stopwatch::{seconds, time};
+use pellucid_benches::appearance::{mean_delta_e, stencil_seconds};
+use pellucid_benches::study::stopwatch::seconds;
 
 /// Paths a point and channel of the Monte Carlo estimates.
 const PATHS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 const MOST: u32 = PATHS[PATHS.len() - 1];
-/// Surface points on which extraction is timed.
-pub const TIMED_POINTS: usize = 4096;
 /// Samples that a network predicts at a time.
 const CHUNK: usize = 4096;
 
@@ -54,7 +51,7 @@ pub fn measure(
     let boundary = Boundary::with_index(header.recipe.refractive_index)?;
     let sampler = Sampler::new(&header.recipe, &header.split, &header.materials, boundary)?;
     let volumes = volumes(set);
-    let extraction = extraction(&sampler, volumes.first().map_or(0, |v| v.0), control)?;
+    let extraction = stencil_seconds(&sampler, volumes.first().map_or(0, |v| v.0), control)?;
     for candidate in candidates {
         let mut inference = candidate.inference()?;
         let mut spent = 0.0;
@@ -124,21 +121,6 @@ fn volumes(set: &LabelledSet) -> Vec<(u32, Range<usize>)> {
     runs
 }
 
-/// Processor seconds that the stencil of one sample takes, of neighbouring surface points.
-fn extraction(sampler: &Sampler, volume: u32, control: &Control<'_>) -> Result<f64, Error> {
-    let grid = sampler.grid(volume)?;
-    let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
-    let sat = CountSat::build(&grid, sampler.materials().len(), control)?;
-    let stencils = Stencils::new(StencilSpec::paper(), &grid, &sat)?;
-    let coefficients = Coefficients::all(sampler.materials(), Features::ScatterAbsorb)?;
-    let order = near_order(surface.voxels());
-    let points: Vec<[u32; 3]> =
-        order.iter().take(TIMED_POINTS).map(|&i| surface.voxels()[i as usize]).collect();
-    let mut out = vec![0.0; points.len() * coefficients.values_per_point(stencils.spec())];
-    let (_, spent) = time(|| stencils.extract(&coefficients, &points, &mut out, control))?;
-    Ok(spent / (points.len() * sampler.channels()).max(1) as f64)
-}
-
 fn add(
     name: &str,
     set: &LabelledSet,
@@ -163,18 +145,8 @@ fn add(
             rmse: errors.score.rmse(),
             bias: errors.score.bias(),
             p95: errors.absolute.p95,
-            delta_e: delta_e(&pick(predicted), &pick(set.radiance()), viewing),
+            delta_e: mean_delta_e(&pick(predicted), &pick(set.radiance()), viewing),
         });
     }
     Ok(())
-}
-
-/// Mean CIEDE2000 of the samples of whole points, a value a channel.
-fn delta_e(a: &[f32], b: &[f32], viewing: &Viewing) -> f64 {
-    let rgb = |values: &[f32]| -> Vec<[f32; 3]> {
-        values.chunks_exact(viewing.channels()).map(|point| viewing.relative_rgb(point)).collect()
-    };
-    let mut differences = vec![0.0; a.len() / viewing.channels()];
-    delta_e_2000_of_linear_rgb(&rgb(a), &rgb(b), &mut differences);
-    ErrorStats::of(differences).mean
 }

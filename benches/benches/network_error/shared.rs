@@ -7,9 +7,9 @@ use pellucid::rpnn::transform::LevelOrder;
 use pellucid::rpnn::variant::LEVELS;
 use pellucid::stencil::near_order;
 use pellucid::voxel::{Control, LabelGrid};
+use pellucid_benches::appearance::TIMED_POINTS;
 use pellucid_benches::study::stopwatch::time;
 
-use super::scores::TIMED_POINTS;
 use super::{Candidate, Error};
 
 /// The network has no random error: any numbers do.

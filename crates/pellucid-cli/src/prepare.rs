@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
 use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
+use pellucid::predict::NetworkDevice;
 use pellucid::stage::{Observer, Stage};
 use pellucid::{
     ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record, Workspace,
@@ -52,6 +53,9 @@ pub struct Args {
     /// Weights of the network, made by `pellucid train`; those the program carries without it
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
+    /// Device that runs the network in candle: cpu, cuda or metal; own kernels on the processor without it
+    #[arg(long, value_name = "DEVICE", value_parser = device)]
+    device: Option<NetworkDevice>,
     /// Paths a surface point and channel in each iteration, where points are traced
     #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
     spp: Option<u32>,
@@ -86,6 +90,11 @@ enum Predictor {
     Rpnn,
     /// Whichever is ahead on the object at hand, by trial
     Auto,
+}
+
+fn device(name: &str) -> Result<NetworkDevice, String> {
+    NetworkDevice::from_name(name)
+        .ok_or_else(|| format!("a device is {}", NetworkDevice::ALL.map(NetworkDevice::name).join(", ")))
 }
 
 fn instruction_set(name: &str) -> Result<InstructionSet, String> {
@@ -152,6 +161,12 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
             return Err(Failure::message("--weights are the network's; add --predictor rpnn"));
         }
         settings.weights = Some(NetworkWeights::load(file)?);
+    }
+    if let Some(device) = args.device {
+        if settings.predictor != PredictorKind::Rpnn {
+            return Err(Failure::message("--device is the network's; add --predictor rpnn"));
+        }
+        settings.device = Some(device);
     }
     settings.refractive_index = args.refractive_index.unwrap_or(settings.refractive_index);
     settings.spp = args.spp.unwrap_or(settings.spp);

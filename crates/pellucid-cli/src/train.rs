@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use pellucid::core::Fault;
-use pellucid::dataset::{Recipe, StreamOptions};
+use pellucid::dataset::{Prints, Recipe, StreamOptions};
 use pellucid::rpnn::Precision;
 use pellucid::rpnn::train::{Score, TrainSettings, Trainer};
 use pellucid::rpnn::transform::{InputForm, LevelOrder};
@@ -26,6 +26,12 @@ pub struct Args {
     /// Files made by `pellucid dataset generate`, all parts of one split, to train on instead
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["recipe", "split", "spp", "points"])]
     stored: Vec<PathBuf>,
+    /// Folders made by `pellucid prepare`, whose labels take the place of some of the recipe's volumes
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "stored")]
+    prints: Vec<PathBuf>,
+    /// Part of the volumes that are prints
+    #[arg(long, value_name = "PART", default_value_t = 0.2, requires = "prints")]
+    prints_share: f64,
     /// Folder for weights.safetensors, the checkpoint run.safetensors and curve.csv
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -188,7 +194,8 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let control = &Control::none().with_cancel(cancel);
     let set = match &args.recipe {
         None => TrainingSet::stored(&args.stored)?,
-        Some(recipe) => TrainingSet::of_recipe(Recipe::read(recipe)?, &args.split, MaterialTable::cmykw())?,
+        Some(recipe) => TrainingSet::of_recipe(Recipe::read(recipe)?, &args.split, MaterialTable::cmykw())?
+            .with_prints(prints(args, control)?),
     };
     let mut trainer = start_or_resume(args)?.with_engine(args.engine.network())?;
     let defaults = set.options(trainer.settings().batch, trainer.settings().seed)?;
@@ -232,6 +239,18 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
             trainer.steps_done()
         ))),
     }
+}
+
+/// The prints among the volumes.
+fn prints(args: &Args, control: &Control<'_>) -> Result<Prints, Failure> {
+    if args.prints.is_empty() {
+        return Ok(Prints::none());
+    }
+    let mut grids = Vec::new();
+    for folder in &args.prints {
+        grids.push(pellucid::slice::read_stack(folder, control)?.0);
+    }
+    Ok(Prints::new(grids, args.prints_share)?)
 }
 
 /// A new run, or the one whose state the output folder holds.

@@ -51,4 +51,4 @@ pub use labels::{
     SetInfo, Shard, StoredVolumes, generate, info, judge, verify,
 };
 pub use recipe::{Halftone, Neighbours, OtherInks, Pale, Recipe, ShapeClass, Split};
-pub use stream::{Stream, StreamOptions};
+pub use stream::{Prints, Stream, StreamOptions};

@@ -5,12 +5,12 @@ use std::sync::atomic::AtomicBool;
 use pellucid_dataset::volume::fill;
 use pellucid_dataset::volume::texture::BlueNoise;
 use pellucid_dataset::{
-    DatasetError, Halftone, LabelledSet, Labelling, Recipe, STENCIL_VALUES, Sampler, SetHeader, ShapeClass,
-    Shard, Split, StoredVolumes, Stream, StreamOptions, generate,
+    DatasetError, Halftone, LabelledSet, Labelling, Prints, Recipe, STENCIL_VALUES, Sampler, SetHeader,
+    ShapeClass, Shard, Split, StoredVolumes, Stream, StreamOptions, generate,
 };
 use pellucid_stencil::FirstFlight;
 use pellucid_trace::{Boundary, TraceOptions, Tracer, Volume};
-use pellucid_voxel::{Control, MaterialTable, Pitch, Surface, SurfaceOptions};
+use pellucid_voxel::{Control, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions};
 
 fn recipe() -> Recipe {
     let split = |name: &str, density: f64| Split {
@@ -256,4 +256,42 @@ fn refuses_bad_arguments_and_stops_when_asked() {
     assert!(matches!(result, Err(DatasetError::Cancelled)));
     // It goes on afterwards.
     stream.batch(7, &mut buffers.0, &mut flights, &mut buffers.1, &Control::none()).unwrap();
+}
+
+#[test]
+fn prints_take_the_place_of_their_share_of_the_volumes() {
+    // A block of one material, which no volume of the recipe is.
+    let frame = pellucid_voxel::Frame::new([0.0; 3], Pitch::j750(), [30, 16, 44]).unwrap();
+    let print = LabelGrid::from_fn(frame, |_| 2);
+    let with = |share: f64| {
+        let prints = Prints::new(vec![print.clone()], share).unwrap();
+        let mut stream =
+            Stream::with_prints(&recipe(), "train", &MaterialTable::cmykw(), prints, options()).unwrap();
+        (0..stream.batches_per_window()).map(|i| batch(&mut stream, i)).collect::<Vec<_>>()
+    };
+    let plain: Vec<_> = {
+        let mut stream = stream(options());
+        (0..stream.batches_per_window()).map(|i| batch(&mut stream, i)).collect()
+    };
+    assert_eq!(with(0.0), plain);
+    let magenta = &MaterialTable::cmykw().materials()[1].clone();
+    let of_print = |batches: &[(Vec<f32>, Vec<FirstFlight>, Vec<f32>)]| {
+        let stencils = batches.iter().flat_map(|(stencils, ..)| stencils.chunks_exact(STENCIL_VALUES));
+        let whole = |s: &[f32]| {
+            // The point's own voxel in the finest level, in some channel; halves have 11 bits.
+            (0..3).any(|c| (s[67 * 2] / magenta.sigma_s[c] - 1.0).abs() < 1e-3)
+        };
+        stencils.filter(|s| whole(s)).count() as f64 / (batches.len() * 16) as f64
+    };
+    assert_eq!(of_print(&with(1.0)), 1.0);
+    let half = of_print(&with(0.5));
+    assert!(half > 0.1 && half < 0.95, "{half}");
+    assert!(Prints::new(vec![print.clone()], 1.5).is_err() && Prints::new(Vec::new(), 0.5).is_err());
+    let coarse = pellucid_voxel::Frame::new([0.0; 3], Pitch::new([0.1; 3]).unwrap(), [4; 3]).unwrap();
+    for wrong in [LabelGrid::from_fn(coarse, |_| 1), LabelGrid::from_fn(frame, |_| 6), LabelGrid::new(frame)]
+    {
+        let prints = Prints::new(vec![wrong], 0.5).unwrap();
+        let refused = Stream::with_prints(&recipe(), "train", &MaterialTable::cmykw(), prints, options());
+        assert!(refused.err().is_some_and(|e| e.to_string().contains("print 0")));
+    }
 }

@@ -7,6 +7,7 @@
 //! | --- | --- | --- |
 //! | `MonteCarlo` | `mc` | unbiased path tracing, with the noise of its paths |
 //! | `Network` | `rpnn` (`weights` for trained ones) | the appearance network, without noise, with errors of its own |
+//! | `CandleNetwork` | `candle` (`cuda`, `metal`) | the same network in candle, on any of its devices |
 //! | [`Corrected`] | - | a fast one whose error an unbiased one finds at some of the points, and which is taken out |
 //!
 //! Feature `conformance` has the suite that all of them pass and one's own should, `serde` serialises identities,
@@ -99,6 +100,7 @@
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod corrected;
+mod device;
 pub mod error;
 pub mod identity;
 #[cfg(feature = "rpnn")]
@@ -114,10 +116,13 @@ pub mod predictor;
 mod sharing;
 
 pub use corrected::{Corrected, Correction};
+pub use device::NetworkDevice;
 pub use error::PredictError;
 pub use identity::{Identity, WeightsIdentity};
 #[cfg(feature = "mc")]
 pub use monte_carlo::MonteCarlo;
+#[cfg(feature = "candle")]
+pub use network::CandleNetwork;
 #[cfg(feature = "rpnn")]
 pub use network::Network;
 pub use object::{Object, ObjectId};

@@ -56,3 +56,38 @@ fn the_network_corrected_in_any_number_of_channels() {
     let boxed: Box<dyn Predictor> = Box::new(common::small_network());
     in_channels(&Corrected::new(boxed, paths(), Correction::default()).unwrap(), &[1, 5, 31]);
 }
+
+#[cfg(feature = "candle")]
+mod candle {
+    use pellucid_predict::{CandleNetwork, NetworkDevice, Predictor, Sharing};
+    use pellucid_rpnn::variant::Head;
+    use pellucid_rpnn::{Precision, TrainedNetwork, Variant, Weights};
+
+    use super::{common, in_channels};
+
+    /// One that takes little time: no octants.
+    fn small(head: Head) -> CandleNetwork {
+        let weights = Weights::initial(Variant::SharedLevels, head, 2, 8.0);
+        let trained = TrainedNetwork { weights, provenance: common::provenance() };
+        CandleNetwork::new(trained, NetworkDevice::Cpu.open().unwrap(), Precision::F32).unwrap()
+    }
+
+    #[test]
+    fn the_network_in_candle() {
+        in_channels(&small(Head::Radiance), &[3]);
+    }
+
+    #[test]
+    fn the_network_in_candle_in_batches_that_points_do_not_fill() {
+        in_channels(&small(Head::Radiance).with_batch(16).unwrap(), &[1, 5, 31]);
+    }
+
+    #[test]
+    fn the_network_in_candle_after_an_exact_first_flight() {
+        let shared = small(Head::FirstFlight);
+        assert!(shared.identity().settings["sharing"].contains("every 0.25 mm"));
+        in_channels(&shared, &[3]);
+        let sharing = Sharing { spacing_mm: 0.0, ..Sharing::default() };
+        in_channels(&shared.with_sharing(Some(sharing)).unwrap(), &[3]);
+    }
+}

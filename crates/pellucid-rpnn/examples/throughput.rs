@@ -4,9 +4,10 @@
 
 use std::time::Instant;
 
-use candle_core::{Device, Tensor};
+use candle_core::{DType, Device, Tensor};
+use candle_nn::{Module, VarBuilder, VarMap};
 use pellucid_rpnn::adamw::{AdamW, AdamWSettings};
-use pellucid_rpnn::reference::CandleNetwork;
+use pellucid_rpnn::candle::Rpnn;
 use pellucid_rpnn::variant::{Head, INPUTS, LEVEL_INPUTS, LEVELS};
 use pellucid_rpnn::{Network, Precision, Variant, Weights};
 
@@ -53,7 +54,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 adam.step(weights.values_mut(), &gradient, 1e-4).expect("finite");
             }));
         }
-        let model = CandleNetwork::new(&Weights::initial(variant, Head::Radiance, 1, 0.5))?;
+        let vb = VarBuilder::from_varmap(&VarMap::new(), DType::F32, &Device::Cpu);
+        let model = Rpnn::new(variant, Head::Radiance, vb)?;
         let x = Tensor::from_slice(&inputs, (BATCH, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
         let y = Tensor::from_slice(&labels, BATCH, &Device::Cpu)?;
         row.push(rate(3, || drop(model.forward(&x).expect("shapes agree"))));

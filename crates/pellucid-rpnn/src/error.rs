@@ -28,9 +28,9 @@ pub enum RpnnError {
         /// The source's own error.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// The reference engine failed.
+    /// candle or its device failed.
     #[cfg(feature = "candle")]
-    #[error("the reference network on candle failed")]
+    #[error("the network on candle failed")]
     Candle(#[from] candle_core::Error),
 }
 

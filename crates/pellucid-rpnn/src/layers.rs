@@ -57,11 +57,7 @@ impl Layers {
 
     /// The least instruction set that gives what these products give.
     pub(crate) fn instruction_set(&self) -> InstructionSet {
-        let set = self.products.form().instruction_set();
-        match self.precision {
-            Precision::Bf16 => set,
-            Precision::F32 => set.min(InstructionSet::Avx512),
-        }
+        self.products.form().instruction_set(self.precision)
     }
 
     pub(crate) fn set_instruction_set(&mut self, set: InstructionSet) {

@@ -13,7 +13,7 @@
 //! | `shipped` | trained weights carried in the library (feature `weights`) |
 //! | [`adamw`] | the optimiser |
 //! | [`train`] | training runs |
-//! | `reference` | the same network on candle (feature `candle`): the gradient oracle |
+//! | `candle` | the network in candle, on any device (feature `candle`) |
 //!
 //! One sample is one surface point in one channel: a stencil of 9 levels x 135 cells x 2 features
 //! (sigma_s, sigma_a; 1/mm), cells ordered `[z][y][x]` over 9 x 3 x 5.
@@ -21,6 +21,8 @@
 
 pub mod adamw;
 mod block;
+#[cfg(feature = "candle")]
+pub mod candle;
 pub mod error;
 pub mod file;
 pub mod inference;
@@ -29,8 +31,6 @@ mod kernel;
 mod layers;
 pub mod network;
 mod precision;
-#[cfg(feature = "candle")]
-pub mod reference;
 #[cfg(feature = "weights")]
 mod shipped;
 pub mod train;
@@ -46,6 +46,6 @@ pub use network::Network;
 pub use pellucid_core::InstructionSet;
 pub use precision::Precision;
 #[cfg(feature = "weights")]
-pub use shipped::shipped;
+pub use shipped::{SHIPPED, shipped};
 pub use variant::Variant;
 pub use weights::Weights;

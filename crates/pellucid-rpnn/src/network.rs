@@ -128,8 +128,8 @@ impl Network {
         Ok(self)
     }
 
-    /// The instruction set in use: the least one that gives the same bits. Products of f32 need no bf16, and
-    /// there is no form for AVX2.
+    /// The instruction set in use: the least one that gives the same bits. AVX2 and AVX-512 make the same sums of f32
+    /// products, and of bf16 ones where AVX-512 lacks instructions for them.
     pub fn instruction_set(&self) -> InstructionSet {
         self.layers.instruction_set()
     }

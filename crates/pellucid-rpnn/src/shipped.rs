@@ -5,7 +5,9 @@ use std::path::Path;
 use crate::RpnnError;
 use crate::file::{TrainedNetwork, parse};
 
-const FILE: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors");
+/// The file of the weights that the library carries, for readers of one's own such as
+/// `VarBuilder::from_slice_safetensors`; [`shipped`] is what it holds.
+pub const SHIPPED: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors");
 
 /// The weights of the paper's proposal, [`Variant::SharedLevelsAndOctants`](crate::Variant), and what they were
 /// trained for: 600 x 300 x 940 DPI, refractive index 1.5, the default materials.
@@ -19,7 +21,7 @@ const FILE: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors
 /// assert_eq!(network.provenance.refractive_index, 1.5);
 /// ```
 pub fn shipped() -> Result<TrainedNetwork, RpnnError> {
-    parse(Path::new("shared-levels-octants.safetensors"), FILE)
+    parse(Path::new("shared-levels-octants.safetensors"), SHIPPED)
 }
 
 #[cfg(test)]

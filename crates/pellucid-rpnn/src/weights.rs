@@ -4,7 +4,7 @@ use pellucid_core::Digest;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
-use crate::variant::{Head, Layout, OCTANTS};
+use crate::variant::{Head, Layer, Layout, OCTANTS};
 use crate::{RpnnError, Variant};
 
 /// The parameters of one variant, in the order of its [`Layout`].
@@ -52,24 +52,12 @@ impl Weights {
         let mut weights = Self::zeros(variant, head);
         let layout = weights.layout.clone();
         for (i, layer) in layout.layers.iter().enumerate() {
-            let residual = layer.name.ends_with(".b") || layer.name.ends_with(".c");
-            let last = layer.name == "end3";
-            let gain = if residual {
-                0.3
-            } else if last {
-                0.1
-            } else {
-                1.0
-            };
-            let deviation = gain * (2.0 / layer.inputs as f64).sqrt();
+            let deviation = deviation(layer);
             let mut normal = Normal::new(seed, i as u64);
             for w in &mut weights.values[layer.weight.clone()] {
                 *w = (deviation * normal.next()) as f32;
             }
-            if last {
-                let summed = if variant.shares_octants() { OCTANTS } else { 1 };
-                weights.values[layer.bias.clone()].fill(mean / summed as f32);
-            }
+            weights.values[layer.bias.clone()].fill(bias(layer, variant, mean));
         }
         weights
     }
@@ -112,6 +100,25 @@ impl Weights {
     /// All parameters, for an optimiser.
     pub fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
+    }
+}
+
+/// Standard deviation of a layer's initial matrix.
+pub(crate) fn deviation(layer: &Layer) -> f64 {
+    let gain = match layer.name.rsplit('.').next() {
+        Some("b" | "c") => 0.3,
+        Some("end3") => 0.1,
+        _ => 1.0,
+    };
+    gain * (2.0 / layer.inputs as f64).sqrt()
+}
+
+/// A layer's initial bias, in a network of `variant` whose outputs are to be about `mean`.
+pub(crate) fn bias(layer: &Layer, variant: Variant, mean: f32) -> f32 {
+    match (layer.name == "end3", variant.shares_octants()) {
+        (true, true) => mean / OCTANTS as f32,
+        (true, false) => mean,
+        (false, _) => 0.0,
     }
 }
 

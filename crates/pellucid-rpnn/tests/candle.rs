@@ -1,38 +1,32 @@
-//! The network on candle against the packed one: outputs, gradients and training runs.
+//! The network in candle: its parameters, and its gradients and training runs against the own kernels. What it gives is
+//! tested with all other forms in `conformance`.
 
 mod common;
 
-use candle_core::{Device, Tensor};
+use candle_core::{DType, Device, Tensor};
+use candle_nn::{AdamW, Module, Optimizer, ParamsAdamW, VarBuilder, VarMap};
 use common::{inputs, uniform, weights};
 use pellucid_rpnn::adamw::AdamWSettings;
+use pellucid_rpnn::candle::{InputLayer, Rpnn, radiance, tensors};
 use pellucid_rpnn::train::{Batch, Engine, SampleSource, TrainSettings, Trainer};
+use pellucid_rpnn::transform::{FeatureTransform, InputForm};
 use pellucid_rpnn::variant::{FirstFlight, Head, INPUTS, LEVEL_INPUTS, LEVELS};
-use pellucid_rpnn::{Network, Precision, RpnnError, Variant, reference::CandleNetwork};
+use pellucid_rpnn::{Network, Precision, RpnnError, Variant, Weights};
 use rand_pcg::Pcg64;
 
-#[test]
-fn outputs_agree() {
-    for variant in Variant::ALL {
-        let weights = weights(variant, 5);
-        let x = inputs(6, 1);
-        let mut network = Network::new(variant, Head::Radiance, 8, Precision::F32).unwrap();
-        network.load(&weights).unwrap();
-        let mut out = vec![0.0; 6];
-        network.forward(&x, &mut out).unwrap();
-        let tensor = Tensor::from_slice(&x, (6, LEVELS, LEVEL_INPUTS), &Device::Cpu).unwrap();
-        let candle =
-            CandleNetwork::new(&weights).unwrap().forward(&tensor).unwrap().to_vec1::<f32>().unwrap();
-        for (a, b) in out.iter().zip(candle) {
-            assert!(b > 0.01, "{variant:?}: a dead output proves nothing");
-            assert!((a - b).abs() < 2e-5 * (1.0 + b), "{variant:?} {a} {b}");
-        }
-    }
+/// The weights in candle, as variables.
+fn rpnn(weights: &Weights) -> (VarMap, Rpnn) {
+    let mut map = VarMap::new();
+    let vb = VarBuilder::from_varmap(&map, DType::F32, &Device::Cpu);
+    let rpnn = Rpnn::new(weights.variant(), weights.head(), vb).unwrap();
+    map.set(tensors(weights, &Device::Cpu).unwrap().iter()).unwrap();
+    (map, rpnn)
 }
 
 #[test]
 fn gradients_agree_with_candle_and_reach_every_parameter_tensor() {
     for variant in Variant::ALL {
-        let weights = weights(variant, 8);
+        let weights = weights(variant, Head::Radiance, 8);
         let n = 24;
         let x = inputs(n, 2);
         let labels: Vec<f32> = (0..n).map(|i| 0.1 + 0.03 * i as f32).collect();
@@ -45,13 +39,15 @@ fn gradients_agree_with_candle_and_reach_every_parameter_tensor() {
         let d_out: Vec<f32> = out.iter().zip(&labels).map(|(o, l)| 2.0 * (o - l) / n as f32).collect();
         network.backward(&d_out, &mut gradient).unwrap();
 
-        let model = CandleNetwork::new(&weights).unwrap();
+        let (_, model) = rpnn(&weights);
         let tensor = Tensor::from_slice(&x, (n, LEVELS, LEVEL_INPUTS), &Device::Cpu).unwrap();
         let labels = Tensor::from_slice(&labels, n, &Device::Cpu).unwrap();
         let loss = (model.forward(&tensor).unwrap() - labels).unwrap().sqr().unwrap().mean_all().unwrap();
         let grads = loss.backward().unwrap();
-        for (layer, (weight, bias)) in weights.layout().layers.iter().zip(model.parameters()) {
-            for (var, range) in [(Some(weight), layer.weight.clone()), (bias.as_ref(), layer.bias.clone())] {
+        for (layer, linear) in weights.layout().layers.iter().zip(model.layers()) {
+            let of_layer =
+                [(Some(linear.weight()), layer.weight.clone()), (linear.bias(), layer.bias.clone())];
+            for (var, range) in of_layer {
                 let Some(var) = var else { continue };
                 let oracle = grads.get(var).unwrap_or_else(|| panic!("{} has no gradient", layer.name));
                 let oracle = oracle.flatten_all().unwrap().to_vec1::<f32>().unwrap();
@@ -70,18 +66,131 @@ fn gradients_agree_with_candle_and_reach_every_parameter_tensor() {
 }
 
 #[test]
-fn loading_replaces_every_parameter() {
-    let variant = Variant::SharedLevelsAndOctants;
-    let mut model = CandleNetwork::new(&weights(variant, 3)).unwrap();
-    let other = weights(variant, 4);
-    model.load(&other).unwrap();
-    let fresh = CandleNetwork::new(&other).unwrap();
-    let values = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
-    for ((weight, bias), (fresh_weight, fresh_bias)) in model.parameters().iter().zip(fresh.parameters()) {
-        assert_eq!(values(weight), values(fresh_weight));
-        assert_eq!(bias.as_ref().map(|b| values(b)), fresh_bias.as_ref().map(|b| values(b)));
+fn weights_come_back_bit_for_bit() {
+    for variant in Variant::ALL {
+        let (mut map, rpnn) = rpnn(&weights(variant, Head::Radiance, 3));
+        assert_eq!(rpnn.weights().unwrap(), weights(variant, Head::Radiance, 3));
+        let other = weights(variant, Head::Radiance, 4);
+        map.set(tensors(&other, &Device::Cpu).unwrap().iter()).unwrap();
+        assert_eq!(rpnn.weights().unwrap(), other);
     }
-    assert!(model.load(&weights(Variant::SharedLevels, 3)).is_err());
+}
+
+#[test]
+fn variables_have_the_names_and_the_number_of_the_layout() {
+    for (variant, head) in Variant::ALL.into_iter().flat_map(|v| Head::ALL.map(|h| (v, h))) {
+        let map = VarMap::new();
+        let vb = VarBuilder::from_varmap(&map, DType::F32, &Device::Cpu);
+        let rpnn = Rpnn::new(variant, head, vb).unwrap();
+        let count: usize = map.all_vars().iter().map(|v| v.elem_count()).sum();
+        assert_eq!(count, variant.layout(head).parameters);
+        if head == Head::Radiance {
+            let of_variant = [2_046_871, 365_851, 3_767_341, 706_861];
+            assert_eq!(count, of_variant[Variant::ALL.iter().position(|v| *v == variant).unwrap()]);
+        }
+        let mut names: Vec<String> = map.data().lock().unwrap().keys().cloned().collect();
+        let mut expected: Vec<String> =
+            tensors(&Weights::zeros(variant, head), &Device::Cpu).unwrap().into_keys().collect();
+        names.sort();
+        expected.sort();
+        assert_eq!(names, expected);
+        assert_eq!(rpnn.weights().unwrap().values().len(), count);
+    }
+}
+
+#[test]
+fn a_builder_over_variables_draws_them_as_initial_weights() {
+    let (variant, head) = (Variant::SharedLevelsAndOctants, Head::FirstFlight);
+    let vb = VarBuilder::from_varmap(&VarMap::new(), DType::F32, &Device::Cpu);
+    let drawn = Rpnn::new(variant, head, vb).unwrap().weights().unwrap();
+    let own = Weights::initial(variant, head, 1, head.mean_output());
+    for layer in &own.layout().layers {
+        let variance = |w: &Weights| {
+            let w = &w.values()[layer.weight.clone()];
+            w.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / w.len() as f64
+        };
+        // Eight standard errors of the ratio of two samples' variances: candle draws others in every run.
+        let error = (4.0 / (layer.weight.len() as f64)).sqrt();
+        let ratio = variance(&drawn) / variance(&own);
+        assert!((ratio - 1.0).abs() < 8.0 * error, "{}: {ratio}", layer.name);
+        assert_eq!(drawn.values()[layer.bias.clone()], own.values()[layer.bias.clone()]);
+    }
+}
+
+#[test]
+fn whatever_is_not_the_variants_is_refused() {
+    let weights = weights(Variant::SharedLevels, Head::Radiance, 3);
+    let tensors = tensors(&weights, &Device::Cpu).unwrap();
+    let build = |variant, head, tensors| {
+        Rpnn::new(variant, head, VarBuilder::from_tensors(tensors, DType::F32, &Device::Cpu))
+    };
+    let missing = build(Variant::Baseline, Head::Radiance, tensors.clone()).unwrap_err().to_string();
+    assert!(missing.contains("level1.dense1.weight"), "{missing}");
+    let shape = build(Variant::SharedLevels, Head::FirstFlight, tensors.clone()).unwrap_err().to_string();
+    assert!(shape.contains("end3.weight"), "{shape}");
+    let rpnn = build(Variant::SharedLevels, Head::Radiance, tensors).unwrap();
+    for dims in [vec![9, 270], vec![9, 4, 270], vec![4, 270, 9], vec![4, 9 * 270]] {
+        let inputs = Tensor::zeros(dims.clone(), DType::F32, &Device::Cpu).unwrap();
+        assert!(rpnn.forward(&inputs).is_err(), "{dims:?}");
+    }
+}
+
+#[test]
+fn radiance_is_composed_as_by_the_head() {
+    let n = 64;
+    let mut rng = Pcg64::new(5, 79);
+    let outputs: Vec<f32> = (0..n * 4).map(|_| 1.6 * uniform(&mut rng) - 0.6).collect();
+    let flights: Vec<FirstFlight> =
+        (0..n).map(|_| FirstFlight::from_array(std::array::from_fn(|_| 0.3 * uniform(&mut rng)))).collect();
+    let mut truth = vec![0.0; n];
+    Head::FirstFlight.radiance(&outputs, &flights, &mut truth);
+    let of_flights: Vec<f32> = flights.iter().flat_map(|f| f.to_array()).collect();
+    let outputs = Tensor::from_vec(outputs, (n, 4), &Device::Cpu).unwrap();
+    let flights = Tensor::from_vec(of_flights, (n, FirstFlight::VALUES), &Device::Cpu).unwrap();
+    let composed = radiance(&outputs, &flights).unwrap().to_vec1::<f32>().unwrap();
+    for (a, b) in composed.iter().zip(&truth) {
+        assert!((a - b).abs() < 1e-6, "{a} {b}");
+    }
+    assert!(radiance(&outputs, &flights.narrow(1, 0, 4).unwrap()).is_err());
+}
+
+/// AdamW of candle-nn on a batch of samples: the loss falls, and every variable moves.
+#[test]
+fn optimisers_of_candle_nn_train_it() {
+    for variant in [Variant::SharedLevels, Variant::SharedLevelsAndOctants] {
+        let start = weights(variant, Head::FirstFlight, 6);
+        let (map, rpnn) = rpnn(&start);
+        let n = 16;
+        let (mut x, mut labels) = (vec![0.0; n * INPUTS], vec![0.0; n]);
+        let batch = Batch { stencils: &mut x, flights: &mut [], radiance: &mut labels };
+        Surfaces.batch(0, batch).unwrap();
+        let x = Tensor::from_vec(x, (n, LEVELS, LEVEL_INPUTS), &Device::Cpu).unwrap();
+        let labels = Tensor::from_vec(labels, (n, 1), &Device::Cpu).unwrap();
+        let form = InputForm { transform: FeatureTransform::Log, ..Default::default() };
+        let inputs = InputLayer::new(form, DType::F32, &Device::Cpu).unwrap().forward(&x).unwrap();
+        let loss = || {
+            let outputs = rpnn.forward(&inputs).unwrap();
+            outputs.broadcast_sub(&labels).unwrap().sqr().unwrap().mean_all().unwrap()
+        };
+        let before = loss().to_scalar::<f32>().unwrap();
+        let parameters = ParamsAdamW { lr: 2e-4, weight_decay: 0.0, ..Default::default() };
+        let mut optimiser = AdamW::new(map.all_vars(), parameters).unwrap();
+        let losses: Vec<f32> = (0..30)
+            .map(|_| {
+                let loss = loss();
+                optimiser.backward_step(&loss).unwrap();
+                loss.to_scalar().unwrap()
+            })
+            .collect();
+        let after = loss().to_scalar::<f32>().unwrap();
+        assert!(after < 0.5 * before, "{variant:?}: {before} {after} {losses:?}");
+        let trained = rpnn.weights().unwrap();
+        for layer in &start.layout().layers {
+            for range in [layer.weight.clone(), layer.bias.clone()].into_iter().filter(|r| !r.is_empty()) {
+                assert_ne!(trained.values()[range.clone()], start.values()[range], "{}", layer.name);
+            }
+        }
+    }
 }
 
 /// Uniform media whose radiance is known, below a surface at a random height. Every eighth stencil is empty,

@@ -38,7 +38,40 @@ fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, Pri
 
 /// The network alone: what the report compares with the judge's paths.
 #[cfg(feature = "rpnn")]
-pub(crate) fn network(settings: &PrintSettings) -> Result<pellucid_predict::Network, PrintError> {
+pub(crate) fn network(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
+    let network = on_own_kernels(settings)?;
+    match settings.device {
+        None => Ok(Arc::new(network)),
+        Some(device) => in_candle(settings, &network, device),
+    }
+}
+
+#[cfg(feature = "candle")]
+fn in_candle(
+    settings: &PrintSettings,
+    network: &pellucid_predict::Network,
+    device: pellucid_predict::NetworkDevice,
+) -> Result<Arc<dyn Predictor>, PrintError> {
+    use pellucid_predict::CandleNetwork;
+    use pellucid_rpnn::Precision;
+
+    let network = CandleNetwork::new(network.trained().clone(), device.open()?, Precision::F32)?;
+    Ok(Arc::new(network.with_sharing(settings.sharing)?))
+}
+
+#[cfg(all(feature = "rpnn", not(feature = "candle")))]
+fn in_candle(
+    _: &PrintSettings,
+    network: &pellucid_predict::Network,
+    device: pellucid_predict::NetworkDevice,
+) -> Result<Arc<dyn Predictor>, PrintError> {
+    // Without candle no device is built in.
+    device.check()?;
+    Ok(Arc::new(network.clone()))
+}
+
+#[cfg(feature = "rpnn")]
+fn on_own_kernels(settings: &PrintSettings) -> Result<pellucid_predict::Network, PrintError> {
     use pellucid_predict::Network;
     use pellucid_rpnn::Precision;
 

@@ -3,7 +3,7 @@
 use pellucid_color::spectrum::Illuminant;
 use pellucid_core::InstructionSet;
 use pellucid_mesh::Scale;
-use pellucid_predict::{Correction, Sharing};
+use pellucid_predict::{Correction, NetworkDevice, Sharing};
 use pellucid_refine::{Effort, RefineSettings, Strategy, SurfaceFirst};
 use pellucid_slice::PrintTarget;
 use pellucid_voxel::MaterialTable;
@@ -82,6 +82,9 @@ pub struct PrintSettings {
     pub correction: Correction,
     /// How neighbouring points share the network's coarse levels, where its weights read them first; null for not.
     pub sharing: Option<Sharing>,
+    /// Device that runs the network in candle (features `candle`, `cuda`, `metal`); this library's own kernels run it
+    /// without one. Values differ in the last digits.
+    pub device: Option<NetworkDevice>,
     /// Vector instructions; the best that the processor has without it. The path tracer's values do not depend on
     /// them, the network's do in the last digits.
     pub instruction_set: Option<InstructionSet>,
@@ -115,6 +118,7 @@ impl Default for PrintSettings {
             spp: 16,
             correction: Correction::default(),
             sharing: Some(Sharing::default()),
+            device: None,
             instruction_set: None,
             refine: RefineSettings::default(),
             surface_first: SurfaceFirst::default(),

@@ -116,8 +116,23 @@ impl Sampler {
         labels: Labelling,
         control: &Control<'_>,
     ) -> Result<Samples, DatasetError> {
-        let grid = self.grid(volume)?;
-        let surface = Surface::extract(&grid, &SurfaceOptions::default(), control)?;
+        self.samples_of(&self.grid(volume)?, volume, points, labels, control)
+    }
+
+    /// As [`Sampler::samples`] with the voxels of `grid`, which has the recipe's pitch; `volume` decides on points,
+    /// paths and inks.
+    ///
+    /// # Errors
+    /// As there, and [`DatasetError::Invalid`] for labels that the materials lack.
+    pub fn samples_of(
+        &self,
+        grid: &LabelGrid,
+        volume: u32,
+        points: u32,
+        labels: Labelling,
+        control: &Control<'_>,
+    ) -> Result<Samples, DatasetError> {
+        let surface = Surface::extract(grid, &SurfaceOptions::default(), control)?;
         if surface.is_empty() {
             return Err(DatasetError::invalid(
                 format!("volume {volume} of split {:?}", self.split.name),
@@ -128,9 +143,9 @@ impl Sampler {
         let chosen: Vec<u32> = (0..points).map(|_| (rng.next_u64() % surface.len() as u64) as u32).collect();
         let voxels: Vec<[u32; 3]> = chosen.iter().map(|&p| surface.voxels()[p as usize]).collect();
 
-        let (stencils, flights) = self.inputs(volume, &grid, &surface, &chosen, control)?;
+        let (stencils, flights) = self.inputs(volume, grid, &surface, &chosen, control)?;
         let materials = self.recipe.draw_materials(&self.split, volume, &self.table)?;
-        let traced = Volume::new(&grid, &surface, control)?;
+        let traced = Volume::new(grid, &surface, control)?;
         let spp = if let Labelling::Paths(spp) = labels { spp } else { 1 };
         let options =
             TraceOptions { spp, seed: rng.next_u64(), boundary: self.boundary, ..Default::default() };
@@ -146,7 +161,7 @@ impl Sampler {
                 tracer.radiance_to(&chosen, 1, target, &mut radiance, &mut std_error, control)?;
             }
         }
-        Ok(Samples { digest: digest(&grid), voxels, stencils, flights, radiance, std_error })
+        Ok(Samples { digest: digest(grid), voxels, stencils, flights, radiance, std_error })
     }
 
     /// The voxels of a volume.

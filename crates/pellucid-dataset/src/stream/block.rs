@@ -4,7 +4,7 @@ use pellucid_stencil::FirstFlight;
 use pellucid_voxel::Control;
 use rayon::prelude::*;
 
-use super::StreamOptions;
+use super::{Prints, StreamOptions};
 use crate::labels::{HalfStencils, permutation};
 use crate::{DatasetError, Labelling, STENCIL_VALUES, Sampler, StoredVolumes};
 
@@ -17,8 +17,8 @@ pub(super) struct Block {
 
 /// Where the samples of a volume come from.
 pub(super) enum Volumes {
-    /// Made and traced.
-    Fresh(Box<Sampler>),
+    /// Made and traced, prints among them.
+    Fresh(Box<Sampler>, Prints),
     /// Labelled before.
     Stored(Box<StoredVolumes>),
 }
@@ -26,7 +26,7 @@ pub(super) enum Volumes {
 impl Volumes {
     pub fn channels(&self) -> usize {
         match self {
-            Self::Fresh(sampler) => sampler.channels(),
+            Self::Fresh(sampler, _) => sampler.channels(),
             Self::Stored(stored) => stored.sampler().channels(),
         }
     }
@@ -39,9 +39,12 @@ impl Volumes {
         control: &Control<'_>,
     ) -> Result<(HalfStencils, Vec<FirstFlight>, Vec<f32>), DatasetError> {
         match self {
-            Self::Fresh(sampler) => {
+            Self::Fresh(sampler, prints) => {
                 let labelling = Labelling::Paths(options.spp);
-                let samples = sampler.samples(i as u32, options.points, labelling, control)?;
+                let samples = match prints.instead_of(options.seed, i) {
+                    Some(print) => sampler.samples_of(print, i as u32, options.points, labelling, control)?,
+                    None => sampler.samples(i as u32, options.points, labelling, control)?,
+                };
                 Ok((samples.stencils, samples.flights, samples.radiance))
             }
             Self::Stored(stored) => {

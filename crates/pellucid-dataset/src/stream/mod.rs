@@ -2,6 +2,7 @@
 
 mod block;
 mod options;
+mod prints;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +19,7 @@ use crate::{DatasetError, Recipe, STENCIL_VALUES, Sampler, StoredVolumes};
 use block::{Block, Volumes, make_block};
 
 pub use options::StreamOptions;
+pub use prints::Prints;
 
 /// An endless, addressable stream of training samples. One sample is one surface point in one channel.
 ///
@@ -92,8 +94,25 @@ impl Stream {
         materials: &MaterialTable,
         options: StreamOptions,
     ) -> Result<Self, DatasetError> {
+        Self::with_prints(recipe, split, materials, Prints::none(), options)
+    }
+
+    /// As [`Stream::new`], with prints in the place of some of the volumes; inks vary with the volumes' numbers as they
+    /// do otherwise.
+    ///
+    /// # Errors
+    /// As [`Stream::new`]; [`DatasetError::Invalid`] naming a print of another pitch, of labels that `materials` lacks,
+    /// or without a solid voxel.
+    pub fn with_prints(
+        recipe: &Recipe,
+        split: &str,
+        materials: &MaterialTable,
+        prints: Prints,
+        options: StreamOptions,
+    ) -> Result<Self, DatasetError> {
         let sampler = Sampler::new(recipe, split, materials, options.boundary)?;
-        Self::of(Volumes::Fresh(Box::new(sampler)), options)
+        prints.check(recipe, materials)?;
+        Self::of(Volumes::Fresh(Box::new(sampler), prints), options)
     }
 
     /// A stream of a finished set's volumes with the labels they have, over and over, in another order each

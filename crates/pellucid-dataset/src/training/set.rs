@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::{
-    DatasetError, LabelledSet, Recipe, Sampler, SetHeader, Shard, StoredVolumes, Stream, StreamOptions,
+    DatasetError, LabelledSet, Prints, Recipe, Sampler, SetHeader, Shard, StoredVolumes, Stream,
+    StreamOptions,
 };
 use pellucid_core::Control;
 use pellucid_rpnn::file::Provenance;
@@ -18,6 +19,7 @@ use super::TrainingError;
 pub struct TrainingSet {
     header: SetHeader,
     stored: Option<StoredVolumes>,
+    prints: Prints,
 }
 
 impl TrainingSet {
@@ -29,7 +31,12 @@ impl TrainingSet {
         recipe.check()?;
         recipe.split(split)?;
         let header = SetHeader { recipe, split: split.to_owned(), materials, shard: Shard::WHOLE };
-        Ok(Self { header, stored: None })
+        Ok(Self { header, stored: None, prints: Prints::none() })
+    }
+
+    /// The same with prints in the place of some volumes of the recipe; stored volumes stay as they are.
+    pub fn with_prints(self, prints: Prints) -> Self {
+        Self { prints, ..self }
     }
 
     /// The labelled volumes of files, all parts of one split.
@@ -38,7 +45,7 @@ impl TrainingSet {
     /// As [`StoredVolumes::load`].
     pub fn stored<P: AsRef<Path>>(files: &[P]) -> Result<Self, DatasetError> {
         let stored = StoredVolumes::load(files)?;
-        Ok(Self { header: stored.header().clone(), stored: Some(stored) })
+        Ok(Self { header: stored.header().clone(), stored: Some(stored), prints: Prints::none() })
     }
 
     /// Recipe, split and materials.
@@ -65,7 +72,7 @@ impl TrainingSet {
         let SetHeader { recipe, split, materials, .. } = &self.header;
         match self.stored {
             Some(stored) => Stream::stored(stored, options),
-            None => Stream::new(recipe, split, materials, options),
+            None => Stream::with_prints(recipe, split, materials, self.prints, options),
         }
     }
 }

@@ -9,10 +9,8 @@ use pellucid_stencil::{FirstFlight, FirstFlights};
 use pellucid_voxel::{CountSat, LabelGrid, Surface};
 use rayon::prelude::*;
 
-use super::Network;
-use super::evaluate::{Contents, Engine, Outputs};
+use super::evaluate::{Contents, Evaluator, Outputs};
 use super::nodes::{Blend, Nodes};
-use super::trained_range::TrainedRange;
 use crate::labels::{KeptLabels, Update};
 use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError, Sharing};
 
@@ -22,7 +20,7 @@ const CHUNK: usize = 1024;
 pub(super) struct BoundNetwork {
     object: Arc<Object>,
     sites: Sites,
-    engine: Engine,
+    engine: Box<dyn Evaluator>,
     labels: KeptLabels,
     table: Option<CountSat>,
     /// Outputs at the fine nodes that were asked for since the last update: a function of the labels alone.
@@ -79,13 +77,14 @@ impl Sites {
 }
 
 impl BoundNetwork {
-    pub(super) fn new(network: &Network, object: Arc<Object>) -> Result<Self, PredictError> {
-        let inference = network.inference()?;
-        let coefficients = Network::coefficients(&object)?;
-        let trained = TrainedRange::new(&network.trained.provenance);
+    pub(super) fn new(
+        engine: Box<dyn Evaluator>,
+        sharing: Option<Sharing>,
+        object: Arc<Object>,
+    ) -> Result<Self, PredictError> {
         Ok(Self {
-            sites: Sites::new(object.surface(), network.sharing, inference.head(), &Control::none())?,
-            engine: Engine::new(inference, coefficients, trained, network.instruction_set),
+            sites: Sites::new(object.surface(), sharing, engine.head(), &Control::none())?,
+            engine,
             labels: KeptLabels::default(),
             table: None,
             kept: Mutex::default(),
@@ -112,12 +111,11 @@ impl BoundNetwork {
         let (needed, place) = blend.needed(sites.iter().copied());
         let places: Vec<[u32; 3]> =
             needed.iter().map(|&node| surface.voxels()[nodes.points()[node as usize] as usize]).collect();
-        let coarse = self.engine.coarse(of, *fine, &places, &control.silent())?;
         let shares = |i: u32| {
             let (near, weights) = blend.near(sites[i as usize]);
             (near.map(|node| place[node as usize]), *weights)
         };
-        self.engine.outputs_near(of, *fine, &coarse, &shares, &voxels, control)
+        self.engine.outputs_near(of, *fine, &places, &shares, &voxels, control)
     }
 
     /// Outputs at fine nodes, in the order of all; those that are not among `nodes` may be missing.

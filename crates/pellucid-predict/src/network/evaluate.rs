@@ -63,6 +63,35 @@ pub(super) struct Coarse {
 /// Places among [`Coarse`] and what each counts for a voxel.
 pub(super) type Shares = ([u32; NEAREST], [f32; NEAREST]);
 
+/// Computes the network's outputs for one object.
+pub(super) trait Evaluator: Send + Sync {
+    /// What the network's last layer gives.
+    fn head(&self) -> Head;
+
+    /// Outputs at voxels, each of which depends on nothing else that is asked for. Progress counts voxels.
+    fn outputs(
+        &self,
+        of: Contents<'_>,
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Outputs, PredictError>;
+
+    /// [`Evaluator::outputs`] from the voxels' own `fine` finest levels and what the network makes of the others at
+    /// `places`; `shares` is told the position of a voxel. One that cannot share reads every voxel's own.
+    fn outputs_near(
+        &self,
+        of: Contents<'_>,
+        fine: usize,
+        places: &[[u32; 3]],
+        shares: &(dyn Fn(u32) -> Shares + Sync),
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Outputs, PredictError> {
+        let _ = (fine, places, shares);
+        self.outputs(of, voxels, control)
+    }
+}
+
 impl Engine {
     pub fn new(
         inference: Inference,
@@ -73,30 +102,8 @@ impl Engine {
         Self { inference, coefficients, trained, instruction_set, scratch: Mutex::new(Vec::new()) }
     }
 
-    pub fn head(&self) -> Head {
-        self.inference.head()
-    }
-
-    /// Outputs at voxels, each of which depends on nothing else that is asked for. Progress counts voxels.
-    pub fn outputs(
-        &self,
-        of: Contents<'_>,
-        voxels: &[[u32; 3]],
-        control: &Control<'_>,
-    ) -> Result<Outputs, PredictError> {
-        let stencils = self.stencils(of, StencilSpec::paper())?;
-        self.in_chunks(voxels, control, |chunk, scratch| {
-            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
-            let mut outputs = self.no_outputs(chunk.len());
-            scratch.inference.outputs(&scratch.stencils, &mut outputs.values)?;
-            let samples = scratch.stencils.chunks_exact(INPUTS).zip(&mut outputs.outside);
-            samples.for_each(|(stencil, outside)| *outside = self.trained.misses(stencil));
-            Ok(outputs)
-        })
-    }
-
     /// What the network makes of all but the `fine` finest levels at voxels. Progress counts voxels.
-    pub fn coarse(
+    fn coarse(
         &self,
         of: Contents<'_>,
         fine: usize,
@@ -122,41 +129,6 @@ impl Engine {
             .collect::<Result<Vec<_>, _>>()?;
         let (states, outside): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
         Ok(Coarse { states: CoarseStates::joined(fine, states), outside: outside.concat() })
-    }
-
-    /// [`Engine::outputs`] from the voxels' own `fine` finest levels and what `coarse` holds of the others; `shares` is
-    /// told the position of a voxel.
-    pub fn outputs_near(
-        &self,
-        of: Contents<'_>,
-        fine: usize,
-        coarse: &Coarse,
-        shares: &(dyn Fn(u32) -> Shares + Sync),
-        voxels: &[[u32; 3]],
-        control: &Control<'_>,
-    ) -> Result<Outputs, PredictError> {
-        let stencils = self.stencils(of, StencilSpec::new(CELLS_XYZ, fine)?)?;
-        let channels = self.coefficients.channels() as u32;
-        self.in_chunks(voxels, control, |chunk, scratch| {
-            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
-            let (mut places, mut weights) = (Vec::new(), Vec::new());
-            for &voxel in chunk {
-                let (near, share) = shares(voxel);
-                for channel in 0..channels {
-                    places.extend(near.map(|place| place * channels + channel));
-                    weights.extend(share);
-                }
-            }
-            let mut outputs = self.no_outputs(chunk.len());
-            let values = &mut outputs.values;
-            scratch.inference.outputs_near(&coarse.states, &places, &weights, &scratch.stencils, values)?;
-            let samples =
-                scratch.stencils.chunks_exact(fine * LEVEL_INPUTS).zip(places.chunks_exact(NEAREST));
-            for ((stencil, places), outside) in samples.zip(&mut outputs.outside) {
-                *outside = self.trained.misses(stencil) || coarse.outside[places[0] as usize];
-            }
-            Ok(outputs)
-        })
     }
 
     fn stencils<'a>(&self, of: Contents<'a>, spec: StencilSpec) -> Result<Stencils<'a>, PredictError> {
@@ -221,5 +193,62 @@ impl Engine {
 
     fn leave_scratch(&self, scratch: Scratch) {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
+    }
+}
+
+impl Evaluator for Engine {
+    fn head(&self) -> Head {
+        self.inference.head()
+    }
+
+    fn outputs(
+        &self,
+        of: Contents<'_>,
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Outputs, PredictError> {
+        let stencils = self.stencils(of, StencilSpec::paper())?;
+        self.in_chunks(voxels, control, |chunk, scratch| {
+            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
+            let mut outputs = self.no_outputs(chunk.len());
+            scratch.inference.outputs(&scratch.stencils, &mut outputs.values)?;
+            let samples = scratch.stencils.chunks_exact(INPUTS).zip(&mut outputs.outside);
+            samples.for_each(|(stencil, outside)| *outside = self.trained.misses(stencil));
+            Ok(outputs)
+        })
+    }
+
+    fn outputs_near(
+        &self,
+        of: Contents<'_>,
+        fine: usize,
+        places: &[[u32; 3]],
+        shares: &(dyn Fn(u32) -> Shares + Sync),
+        voxels: &[[u32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Outputs, PredictError> {
+        let coarse = self.coarse(of, fine, places, &control.silent())?;
+        let stencils = self.stencils(of, StencilSpec::new(CELLS_XYZ, fine)?)?;
+        let channels = self.coefficients.channels() as u32;
+        self.in_chunks(voxels, control, |chunk, scratch| {
+            self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
+            let (mut places, mut weights) = (Vec::new(), Vec::new());
+            for &voxel in chunk {
+                let (near, share) = shares(voxel);
+                for channel in 0..channels {
+                    places.extend(near.map(|place| place * channels + channel));
+                    weights.extend(share);
+                }
+            }
+            let mut outputs = self.no_outputs(chunk.len());
+            let values = &mut outputs.values;
+            scratch.inference.outputs_near(&coarse.states, &places, &weights, &scratch.stencils, values)?;
+            let samples =
+                scratch.stencils.chunks_exact(fine * LEVEL_INPUTS).zip(places.chunks_exact(NEAREST));
+            for ((stencil, places), outside) in samples.zip(&mut outputs.outside) {
+                *outside = self.trained.misses(stencil) || coarse.outside[places[0] as usize];
+            }
+            Ok(outputs)
+        })
     }
 }

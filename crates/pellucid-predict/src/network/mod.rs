@@ -1,9 +1,14 @@
 //! The appearance network as a predictor.
 
 mod bound;
+#[cfg(feature = "candle")]
+mod candle;
 mod evaluate;
 mod nodes;
 mod trained_range;
+
+#[cfg(feature = "candle")]
+pub use candle::CandleNetwork;
 
 use std::sync::Arc;
 
@@ -12,6 +17,10 @@ use pellucid_rpnn::transform::LevelOrder;
 use pellucid_rpnn::variant::Head;
 use pellucid_rpnn::{Inference, Precision, RpnnError, TrainedNetwork};
 use pellucid_stencil::{Coefficients, Features, StencilError};
+
+use bound::BoundNetwork;
+use evaluate::Engine;
+use trained_range::TrainedRange;
 
 use crate::{
     BoundPredictor, Capabilities, Identity, Object, PredictError, Predictor, Sharing, WeightsIdentity,
@@ -117,9 +126,10 @@ fn possible(trained: &TrainedNetwork, sharing: Sharing) -> Sharing {
     }
 }
 
-/// A way of sharing in words; `spaced` where the network can be run for points apart.
-fn described(sharing: Sharing, spaced: bool) -> String {
-    let place = match sharing.spacing_mm > 0.0 && spaced {
+/// A way of sharing in words.
+fn described(sharing: Option<Sharing>, head: Head) -> String {
+    let Some(sharing) = sharing else { return "none".to_owned() };
+    let place = match sharing.spacing_mm > 0.0 && head == Head::FirstFlight {
         true => format!("run every {} mm", sharing.spacing_mm),
         false => "run for every point".to_owned(),
     };
@@ -132,42 +142,53 @@ fn described(sharing: Sharing, spaced: bool) -> String {
     }
 }
 
+/// What a report records of a network.
+fn identity(
+    trained: &TrainedNetwork,
+    digest: &str,
+    precision: Precision,
+    sharing: String,
+    set: InstructionSet,
+) -> Identity {
+    let TrainedNetwork { weights, provenance } = trained;
+    let history = provenance.history.lines().map(str::to_owned).collect();
+    let variant = weights.variant().name().to_owned();
+    Identity::new("rpnn", set, false)
+        .with("head", weights.head().name())
+        .with("precision", format!("{precision:?}").to_lowercase())
+        .with("sharing", sharing)
+        .with_weights(WeightsIdentity { digest: digest.to_owned(), variant, history })
+}
+
+/// What a network can do for an object.
+fn supports(trained: &TrainedNetwork, object: &Object) -> Result<Capabilities, PredictError> {
+    let fits = trained.provenance.check(object.frame().pitch().mm(), object.refractive_index());
+    fits.map_err(|error| match error.into() {
+        PredictError::Unsupported(fault) => PredictError::Unsupported(fault.remedy("use the path tracer")),
+        other => other,
+    })?;
+    Network::coefficients(object)?;
+    Ok(Capabilities::new(false))
+}
+
 impl Predictor for Network {
     fn identity(&self) -> Identity {
-        let TrainedNetwork { weights, provenance } = &*self.trained;
-        let head = weights.head();
-        let history = provenance.history.lines().map(str::to_owned).collect();
-        let weights = WeightsIdentity {
-            digest: self.digest.clone(),
-            variant: weights.variant().name().to_owned(),
-            history,
-        };
-        let spaced = head == Head::FirstFlight;
-        let sharing = self.sharing.map_or_else(|| "none".to_owned(), |s| described(s, spaced));
         // The least set with these values, so that equal values are recorded alike.
         let set = self.inference().map_or(self.instruction_set, |i| i.instruction_set());
-        Identity::new("rpnn", set, false)
-            .with("head", head.name().to_owned())
-            .with("precision", format!("{:?}", self.precision).to_lowercase())
-            .with("sharing", sharing)
-            .with_weights(weights)
+        let sharing = described(self.sharing, self.trained.weights.head());
+        identity(&self.trained, &self.digest, self.precision, sharing, set)
     }
 
     fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
-        let fits = self.trained.provenance.check(object.frame().pitch().mm(), object.refractive_index());
-        fits.map_err(|error| match error.into() {
-            PredictError::Unsupported(fault) => {
-                PredictError::Unsupported(fault.remedy("use the path tracer"))
-            }
-            other => other,
-        })?;
-        Self::coefficients(object)?;
-        Ok(Capabilities::new(false))
+        supports(&self.trained, object)
     }
 
     fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
         self.supports(&object)?;
-        Ok(Box::new(bound::BoundNetwork::new(self, object)?))
+        let coefficients = Self::coefficients(&object)?;
+        let trained = TrainedRange::new(&self.trained.provenance);
+        let engine = Engine::new(self.inference()?, coefficients, trained, self.instruction_set);
+        Ok(Box::new(BoundNetwork::new(Box::new(engine), self.sharing, object)?))
     }
 }
 

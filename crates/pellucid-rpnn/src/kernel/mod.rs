@@ -2,17 +2,24 @@
 //!
 //! The right factor is packed into panels of [`PANEL`] columns, the left one is read in place (f32) or rounded
 //! to pairs of bf16. Sums run over the inner axis in order, so an entry of the result depends on its row, its
-//! column and the form of the kernel only, not on the size of the batch. The AVX-512 form is chosen at run time;
-//! the portable form is its twin under the same tests. All unsafe code of the crate is in [`avx512`].
+//! column and the form of the kernel only, not on the size of the batch. The AVX-512 and AVX2 forms are chosen at
+//! run time; the portable form is their twin under the same tests. All unsafe code of the crate is in [`avx512`],
+//! [`avx2`], [`tiles`] and [`compiled`].
 
 #[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod compiled;
 mod features;
 mod optimiser;
 mod pack;
 mod portable;
 #[cfg(test)]
 mod tests;
+#[cfg(target_arch = "x86_64")]
+mod tiles;
 
 use pellucid_core::InstructionSet;
 
@@ -23,8 +30,6 @@ pub(crate) use pack::Matrix;
 
 /// Columns of a panel: two vectors of AVX-512.
 const PANEL: usize = 32;
-/// Rows of a tile: twelve times two accumulators leave registers for the factors.
-const TILE_ROWS: usize = 12;
 
 /// What is done to a product before it is stored.
 #[derive(Clone, Copy, Default)]
@@ -57,6 +62,9 @@ pub(crate) enum Form {
     /// AVX-512, with bf16 products where the precision asks for them.
     #[cfg(target_arch = "x86_64")]
     Avx512(avx512::Proof),
+    /// AVX2; products of bf16 are made by f32 ones.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(avx2::Proof),
     /// Plain Rust.
     Portable,
 }
@@ -70,17 +78,24 @@ impl Form {
         {
             return Self::Avx512(proof);
         }
+        #[cfg(target_arch = "x86_64")]
+        if set >= InstructionSet::Avx2
+            && let Some(proof) = avx2::Proof::detect()
+        {
+            return Self::Avx2(proof);
+        }
         let _ = set;
         Self::Portable
     }
 
-    /// What it needs.
-    pub(crate) fn instruction_set(self) -> InstructionSet {
+    /// The least instruction set whose products have the same bits. Products of f32 are the same sums in the same
+    /// order in AVX2 and AVX-512.
+    pub(crate) fn instruction_set(self, precision: Precision) -> InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(proof) if proof.bf16() => InstructionSet::Avx512Bf16,
+            Self::Avx512(proof) if proof.bf16() && precision == Precision::Bf16 => InstructionSet::Avx512Bf16,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(_) => InstructionSet::Avx512,
+            Self::Avx512(_) | Self::Avx2(_) => InstructionSet::Avx2,
             Self::Portable => InstructionSet::Portable,
         }
     }
@@ -105,6 +120,7 @@ enum Words<'a> {
     Pairs(&'a [u32]),
 }
 
+#[cfg(target_arch = "x86_64")]
 impl Left<'_> {
     fn len(&self) -> usize {
         match self.words {
@@ -181,6 +197,8 @@ impl Products {
         match self.form {
             #[cfg(target_arch = "x86_64")]
             Form::Avx512(proof) => avx512::add_rows(proof, values, sums),
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx2(proof) => avx2::add_rows(proof, values, sums),
             Form::Portable => pack::add_rows(values, sums),
         }
     }
@@ -191,6 +209,8 @@ pub(crate) fn log_features(set: InstructionSet, level: &mut [f32], scale: f32) {
     match Form::of(set) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::log_features(proof, level, scale),
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx2(proof) => avx2::log_features(proof, level, scale),
         Form::Portable => features::log_features(level, scale),
     }
 }
@@ -208,6 +228,8 @@ pub(crate) fn update(
     match Form::of(set) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::update(proof, update, parameters, gradient, first, second, average),
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx2(proof) => avx2::update(proof, update, parameters, gradient, first, second, average),
         Form::Portable => optimiser::update(update, parameters, gradient, first, second, average),
     }
 }
@@ -217,6 +239,8 @@ pub(crate) fn sum_of_squares(set: InstructionSet, values: &[f32]) -> f64 {
     match Form::of(set) {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::sum_of_squares(proof, values),
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx2(proof) => avx2::sum_of_squares(proof, values),
         Form::Portable => optimiser::sum_of_squares(values),
     }
 }
@@ -230,6 +254,8 @@ fn pack_right(form: Form, right: Matrix<'_>, precision: Precision, packed: &mut 
     match form {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::pack_right(proof, right, packed),
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx2(proof) => avx2::pack_right(proof, right, packed),
         Form::Portable => pack::pack_right(right, packed),
     }
 }
@@ -260,6 +286,8 @@ fn product(
             match form {
                 #[cfg(target_arch = "x86_64")]
                 Form::Avx512(proof) => avx512::pack_left(proof, left, scratch),
+                #[cfg(target_arch = "x86_64")]
+                Form::Avx2(proof) => avx2::pack_left(proof, left, scratch),
                 Form::Portable => pack::pack_left(left, scratch),
             }
             Left { words: Words::Pairs(scratch), rows, row_stride, step_stride }
@@ -268,6 +296,8 @@ fn product(
     match form {
         #[cfg(target_arch = "x86_64")]
         Form::Avx512(proof) => avx512::product(proof, target, words, right),
+        #[cfg(target_arch = "x86_64")]
+        Form::Avx2(proof) => avx2::product(proof, target, words, right),
         Form::Portable => portable::product(target, words, right),
     }
 }

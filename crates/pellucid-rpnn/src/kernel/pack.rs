@@ -119,6 +119,9 @@ pub(super) fn pack_left(left: Matrix<'_>, words: &mut [u32]) {
                 words.iter_mut().zip(a).zip(b).for_each(|((w, a), b)| *w = pair(*a, *b));
             }
         }
+    } else if width.is_multiple_of(2) {
+        let pairs = left.data.as_chunks::<2>().0;
+        words.iter_mut().zip(pairs).for_each(|(w, v)| *w = pair(v[0], v[1]));
     } else {
         for (words, row) in words.chunks_exact_mut(width.div_ceil(2)).zip(left.data.chunks_exact(width)) {
             let (pairs, rest) = row.as_chunks::<2>();

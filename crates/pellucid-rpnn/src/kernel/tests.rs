@@ -174,6 +174,46 @@ fn elementwise_work_does_not_depend_on_the_form() {
     assert!(results.all(|of_set| of_set == portable));
 }
 
+/// Forms that count as one instruction set give the same bits: a record of the one may stand for the other.
+#[test]
+fn forms_of_one_instruction_set_agree_to_the_bit() {
+    let [m, k, n] = [29, 131, 77];
+    let (a, b, mask) = (values(10, m * k), values(11, k * n), values(12, m * n));
+    for precision in [Precision::F32, Precision::Bf16] {
+        let results: Vec<(InstructionSet, Vec<u32>)> = forms()
+            .into_iter()
+            .map(|form| {
+                let mut out = values(13, m * n);
+                let finish = Finish { add: Add::Output, bias: Some(&b[..n]), relu: true, mask: Some(&mask) };
+                let mut products = Products::new(form);
+                let (left, right) = (Matrix::rows(&a, m, k), Matrix::rows(&b, k, n));
+                products.product_once(&mut out, left, right, precision, finish);
+                products.add_rows(&values(14, m * n), &mut out[..n]);
+                (form.instruction_set(precision), out.iter().map(|v| v.to_bits()).collect())
+            })
+            .collect();
+        for pair in results.windows(2) {
+            assert!(pair[0].0 <= pair[1].0);
+            assert!(pair[0].0 < pair[1].0 || pair[0].1 == pair[1].1, "{precision:?} {}", pair[0].0);
+        }
+    }
+}
+
+#[test]
+fn a_form_is_the_best_that_its_set_allows() {
+    for set in InstructionSet::available() {
+        let form = Form::of(set);
+        assert_eq!(form == Form::Portable, set == InstructionSet::Portable, "{set}");
+        #[cfg(target_arch = "x86_64")]
+        match set {
+            InstructionSet::Avx2 => assert!(matches!(form, Form::Avx2(_))),
+            InstructionSet::Avx512 => assert!(matches!(form, Form::Avx512(proof) if !proof.bf16())),
+            InstructionSet::Avx512Bf16 => assert!(matches!(form, Form::Avx512(proof) if proof.bf16())),
+            _ => {}
+        }
+    }
+}
+
 #[test]
 #[should_panic(expected = "a matrix of another extent")]
 fn extents_are_checked() {

@@ -1,29 +1,38 @@
 //! A trainer's passes on candle.
 
-use candle_core::{Device, Tensor};
+use candle_core::backprop::GradStore;
+use candle_core::{DType, Device, Tensor};
+use candle_nn::{VarBuilder, VarMap};
 
-use crate::reference::CandleNetwork;
+use crate::candle::{Rpnn, tensors};
 use crate::variant::{Head, LEVEL_INPUTS, LEVELS};
 use crate::{Precision, RpnnError, Weights};
 
-/// The network, and the outputs of the last forward pass before their ReLU.
-#[derive(Debug)]
+/// The network over variables, and the plain outputs of the last forward pass.
+#[derive(Default)]
 pub(super) struct CandlePasses {
-    network: Option<CandleNetwork>,
-    sums: Option<Tensor>,
+    network: Option<(VarMap, Rpnn)>,
+    outputs: Option<Tensor>,
+}
+
+impl std::fmt::Debug for CandlePasses {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let network = self.network.as_ref().map(|(_, network)| network);
+        f.debug_struct("CandlePasses").field("network", &network).finish_non_exhaustive()
+    }
 }
 
 /// Copies of candle's variables share their memory, so a clone makes variables of its own when it needs them.
 impl Clone for CandlePasses {
     fn clone(&self) -> Self {
-        Self { network: None, sums: None }
+        Self::default()
     }
 }
 
 impl CandlePasses {
     pub(super) fn new(precision: Precision) -> Result<Self, RpnnError> {
         match precision {
-            Precision::F32 => Ok(Self { network: None, sums: None }),
+            Precision::F32 => Ok(Self::default()),
             Precision::Bf16 => Err(RpnnError::invalid("precision", "bf16; candle's engine takes f32 only")),
         }
     }
@@ -34,31 +43,48 @@ impl CandlePasses {
         inputs: &[f32],
         out: &mut [f32],
     ) -> Result<(), RpnnError> {
-        let network = match self.network.take() {
-            Some(mut network) => {
-                network.load(weights)?;
-                network
-            }
-            None => CandleNetwork::new(weights)?,
-        };
         let head = weights.head();
+        let (mut map, network) = match self.network.take() {
+            Some(network) => network,
+            None => {
+                let map = VarMap::new();
+                let vb = VarBuilder::from_varmap(&map, DType::F32, &Device::Cpu);
+                let network = Rpnn::new(weights.variant(), head, vb)?;
+                (map, network)
+            }
+        };
+        map.set(tensors(weights, &Device::Cpu)?.iter())?;
         let samples = out.len() / head.outputs();
         let inputs = Tensor::from_slice(inputs, (samples, LEVELS, LEVEL_INPUTS), &Device::Cpu)?;
-        let sums = self.network.insert(network).sums(&inputs)?;
-        for (out, sum) in out.iter_mut().zip(sums.flatten_all()?.to_vec1::<f32>()?) {
-            *out = if head == Head::Radiance { sum.max(0.0) } else { sum };
+        let outputs = network.outputs(&inputs)?;
+        for (out, value) in out.iter_mut().zip(outputs.flatten_all()?.to_vec1::<f32>()?) {
+            *out = if head == Head::Radiance { value.max(0.0) } else { value };
         }
-        self.sums = Some(sums);
+        self.network = Some((map, network));
+        self.outputs = Some(outputs);
         Ok(())
     }
 
     pub(super) fn backward(&mut self, d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
-        let (Some(network), Some(sums)) = (&self.network, self.sums.take()) else {
+        let (Some((_, network)), Some(outputs)) = (&self.network, self.outputs.take()) else {
             return Err(RpnnError::invalid("gradient", "no forward pass precedes it"));
         };
-        let d_sums = Tensor::from_slice(d_out, sums.shape(), &Device::Cpu)?;
-        // The scalar whose derivative by each sum is the loss's.
-        let gradients = (sums * d_sums)?.sum_all()?.backward()?;
-        Ok(network.add_gradients(&gradients, gradient)?)
+        let d_outputs = Tensor::from_slice(d_out, outputs.shape(), &Device::Cpu)?;
+        // The scalar whose derivative by each output is the loss's.
+        let gradients = (outputs * d_outputs)?.sum_all()?.backward()?;
+        add(network, &gradients, gradient)
     }
+}
+
+/// Adds the variables' gradients to a flat vector laid out like the weights.
+fn add(network: &Rpnn, gradients: &GradStore, gradient: &mut [f32]) -> Result<(), RpnnError> {
+    let layout = network.variant().layout(network.head());
+    for (layer, linear) in layout.layers.iter().zip(network.layers()) {
+        for (tensor, range) in [(Some(linear.weight()), &layer.weight), (linear.bias(), &layer.bias)] {
+            let Some(of_tensor) = tensor.and_then(|t| gradients.get(t)) else { continue };
+            let of_tensor = of_tensor.flatten_all()?.to_vec1::<f32>()?;
+            gradient[range.clone()].iter_mut().zip(of_tensor).for_each(|(sum, g)| *sum += g);
+        }
+    }
+    Ok(())
 }

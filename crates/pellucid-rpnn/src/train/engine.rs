@@ -13,7 +13,7 @@ pub enum Engine {
     /// This crate's [`Network`].
     #[default]
     Own,
-    /// [`CandleNetwork`](crate::reference::CandleNetwork), in f32: the reference for runs of [`Engine::Own`].
+    /// [`Rpnn`](crate::candle::Rpnn) on the CPU, in f32: the reference for runs of [`Engine::Own`].
     #[cfg(feature = "candle")]
     Candle,
 }

@@ -1,4 +1,5 @@
 //! Inputs and weights of tests.
+#![allow(dead_code, reason = "each test binary uses its own part")]
 
 use pellucid_rpnn::variant::{Head, INPUTS};
 use pellucid_rpnn::{Variant, Weights};
@@ -16,8 +17,8 @@ pub fn inputs(n: usize, seed: u64) -> Vec<f32> {
 }
 
 /// Weights with biases everywhere, so that no activation is zero by construction.
-pub fn weights(variant: Variant, seed: u64) -> Weights {
-    let mut weights = Weights::initial(variant, Head::Radiance, seed, 0.8);
+pub fn weights(variant: Variant, head: Head, seed: u64) -> Weights {
+    let mut weights = Weights::initial(variant, head, seed, 0.8);
     let layout = weights.layout().clone();
     let mut rng = Pcg64::new(u128::from(seed), 11);
     for layer in layout.layers.iter().filter(|l| l.name != "end3") {

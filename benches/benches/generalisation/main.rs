@@ -1,0 +1,115 @@
+//! How the four architectures generalise (Rittig et al. 2021, Table 2, Figures 11 and 12): trained with equal budgets,
+//! judged on held-out volumes and on the paper's objects' counterparts.
+//!
+//! `cargo bench -p pellucid-benches --bench generalisation`: short runs and small sets, in a quarter of an hour;
+//! `-- --full` for all of `docs/results/generalisation`, in hours. A study that was cut off goes on where it was.
+
+mod finished;
+mod held_out;
+mod judging;
+mod models;
+mod object;
+mod pictures;
+mod plan;
+mod report;
+mod scores;
+mod speed;
+mod tables;
+mod training;
+
+use std::path::{Path, PathBuf};
+
+use clap::{Parser, ValueEnum};
+use judging::Judging;
+use pellucid::core::files::write_whole_bytes;
+use pellucid::dataset::Recipe;
+use pellucid::voxel::Control;
+use pellucid_benches::appearance::Error;
+use pellucid_benches::study::{Record, Study, StudySettings};
+use pictures::Look;
+use plan::Plan;
+use report::Measured;
+
+/// Generalisation of the four architectures
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    study: StudySettings,
+    /// Folder for the states of the training runs, labelled sets and judgements, from which a study goes on when it was
+    /// cut off; in the build folder without it
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
+    /// Do only this part; the report is made of the runs that are finished
+    #[arg(long, value_enum)]
+    only: Option<Stage>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Stage {
+    Training,
+    Report,
+}
+
+fn main() -> Result<(), Error> {
+    let args = Args::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    pool.install(|| study(&args))
+}
+
+fn study(args: &Args) -> Result<(), Error> {
+    let control = Control::none();
+    let full = args.study.full;
+    let plan = Plan::new(full);
+    let recipe = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/recipes/paper.json");
+    let recipe = Recipe::read(Path::new(recipe))?;
+    let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let folder = args.state.clone().unwrap_or_else(|| scratch.join("generalisation-state"));
+    let folder = folder.join(if full { "full" } else { "small" });
+    std::fs::create_dir_all(folder.join("sets"))?;
+    let validation = held_out::labelled(&recipe, "validation", full, &folder.join("sets"), &control)?;
+    if args.only != Some(Stage::Report) {
+        for &group in &plan.groups {
+            training::train(&plan, group, &recipe, &validation, &folder, &control)?;
+        }
+    }
+    if args.only == Some(Stage::Training) {
+        return Ok(());
+    }
+
+    let networks = finished::finished(&plan, &folder)?;
+    if networks.is_empty() {
+        return Err("no training run is finished yet".into());
+    }
+    let mut record = Record::now("generalisation", 1);
+    record.add("matrix products", "factors rounded to bfloat16, sums in f32");
+    record.add("budget", format!("{} steps of 256 samples for each network", plan.steps));
+    let study = Study::new("generalisation", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let look = if full { Look { edge: 180, spp: 512 } } else { Look { edge: 96, spp: 64 } };
+    let out = study.folder();
+    let judging =
+        Judging { recipe: &recipe, networks: &networks, full, look, folder: &folder, out, control: &control };
+    let (mut rows, mut pictures) = judging.sets()?;
+    let (of_models, model_pictures) = judging.models()?;
+    rows.extend(of_models);
+    pictures.extend(model_pictures);
+    let (speeds, stencil_us) = speed::measure(&plan, &validation, &control)?;
+    let models: Vec<&str> = models::chosen(full).into_iter().map(|(name, _)| name).collect();
+    let measured = Measured {
+        plan: &plan,
+        networks: &networks,
+        rows: &rows,
+        speeds: &speeds,
+        stencil_us,
+        models: &models,
+        picture_spp: look.spp,
+        pictures: &pictures,
+    };
+    write_whole_bytes(out.join("sizes.svg"), tables::sizes(&rows, &held_out::SETS).svg().as_bytes())?;
+    study.write(
+        "Generalisation of the four architectures",
+        &report::markdown(&measured, report::findings(out).as_deref()),
+        &tables::all(&rows),
+        &tables::curves(&plan, &networks),
+    )?;
+    Ok(())
+}
