@@ -4,12 +4,12 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Mutex, PoisonError};
 
 use pellucid_core::Control;
-use pellucid_rpnn::InputGradients;
 use pellucid_rpnn::variant::CELLS_XYZ;
-use pellucid_stencil::{StencilSpec, Stencils, near_order};
+use pellucid_rpnn::{InputGradients, RpnnError};
+use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
 use rayon::prelude::*;
 
-use super::evaluate::{Coarse, Contents, Engine, Near};
+use super::evaluate::{Coarse, Contents, Engine, Evaluator, Near};
 use super::spread::{Source, Spread};
 use crate::PredictError;
 
@@ -40,146 +40,137 @@ struct Batch<'a> {
     order: &'a [u32],
 }
 
-impl Engine {
-    /// Hands the derivatives by the stencils of voxels to `spread`, given those by the outputs there, `d_outputs`
-    /// `[voxel][channel][output]`; with `near`, by the voxels' own finest levels and by the others of its places.
-    pub fn pull_back(
-        &self,
-        of: Contents<'_>,
-        voxels: &[[u32; 3]],
-        near: Option<&Near<'_>>,
-        d_outputs: &[f32],
-        spread: &mut Spread<'_>,
-        control: &Control<'_>,
-    ) -> Result<(), PredictError> {
-        let first = self.inference().input_gradients();
-        let networks = Networks { first, idle: Mutex::default() };
-        let order = near_order(voxels);
-        match near {
-            None => self.pull_back_each(of, voxels, &order, d_outputs, &networks, spread),
-            Some(near) => {
-                let coarse = self.coarse(of, near.fine, near.places, &control.silent())?;
-                let d_states =
-                    self.pull_back_fine(of, voxels, &order, near, &coarse, d_outputs, &networks, spread)?;
-                self.pull_back_coarse(of, near, &d_states, &networks, spread)
-            }
-        }
+/// One pass from outputs to stencils.
+pub(super) struct Backward<'a> {
+    engine: &'a Engine,
+    of: Contents<'a>,
+    coefficients: &'a Coefficients,
+    networks: Networks,
+}
+
+impl<'a> Backward<'a> {
+    pub fn new(engine: &'a Engine, of: Contents<'a>) -> Self {
+        let (inference, coefficients) = engine.parts();
+        let networks = Networks { first: inference.input_gradients(), idle: Mutex::default() };
+        Self { engine, of, coefficients, networks }
     }
 
-    /// Every voxel on its own.
-    fn pull_back_each(
+    /// As [`Evaluator::pull_back`].
+    pub fn run(
         &self,
-        of: Contents<'_>,
+        near: Option<&Near<'_>>,
         voxels: &[[u32; 3]],
-        order: &[u32],
         d_outputs: &[f32],
-        networks: &Networks,
         spread: &mut Spread<'_>,
     ) -> Result<(), PredictError> {
-        let spec = StencilSpec::paper();
-        let stencils = self.stencils(of, spec)?;
-        for order in order.chunks(spread.room(&spec)) {
-            let batch = Batch { voxels: order.iter().map(|&i| voxels[i as usize]).collect(), order };
-            let mut derivatives = vec![0.0; batch.voxels.len() * self.values_of(&stencils)];
-            spread.reporting(order.len(), |control| {
-                self.in_parts(&stencils, &batch, &mut derivatives, &mut [], control, |part| {
-                    let d_outputs = self.gathered(part.order, d_outputs, self.head().outputs());
-                    networks.lend(|n| n.outputs(part.stencils, &d_outputs, part.derivatives))
-                })
-            })?;
-            spread.take(Source { spec, voxels: batch.voxels, derivatives })?;
-        }
-        Ok(())
+        let Some(near) = near else { return self.whole(voxels, d_outputs, spread) };
+        let coarse = self.engine.coarse(self.of, near.fine, near.places, &spread.control())?;
+        let d_states = self.finest(near, &coarse, voxels, d_outputs, spread)?;
+        self.others(near, &d_states, spread)
+    }
+
+    /// All levels of every voxel.
+    fn whole(
+        &self,
+        voxels: &[[u32; 3]],
+        d_outputs: &[f32],
+        spread: &mut Spread<'_>,
+    ) -> Result<(), PredictError> {
+        let outputs = self.engine.head().outputs();
+        self.in_batches(
+            StencilSpec::paper(),
+            voxels,
+            0,
+            spread,
+            |_, _| (),
+            |part| {
+                let d_outputs = self.gathered(part.order, d_outputs, outputs);
+                self.networks.lend(|n| n.outputs(part.stencils, &d_outputs, part.derivatives))
+            },
+        )
     }
 
     /// The voxels' own finest levels; returns the derivatives by the states of the places, `[place][channel][width]`.
-    fn pull_back_fine(
+    fn finest(
         &self,
-        of: Contents<'_>,
-        voxels: &[[u32; 3]],
-        order: &[u32],
         near: &Near<'_>,
         coarse: &Coarse,
+        voxels: &[[u32; 3]],
         d_outputs: &[f32],
-        networks: &Networks,
         spread: &mut Spread<'_>,
     ) -> Result<Vec<f32>, PredictError> {
-        let spec = StencilSpec::new(CELLS_XYZ, near.fine)?;
-        let stencils = self.stencils(of, spec)?;
-        let row = self.coefficients().channels() * networks.first.state_width();
+        let outputs = self.engine.head().outputs();
+        let row = self.coefficients.channels() * self.networks.first.state_width();
         let mut d_states = vec![0.0; near.places.len() * row];
-        for order in order.chunks(spread.room(&spec)) {
-            let batch = Batch { voxels: order.iter().map(|&i| voxels[i as usize]).collect(), order };
-            let mut derivatives = vec![0.0; batch.voxels.len() * self.values_of(&stencils)];
-            let mut d_mixed = vec![0.0; batch.voxels.len() * row];
-            spread.reporting(order.len(), |control| {
-                self.in_parts(&stencils, &batch, &mut derivatives, &mut d_mixed, control, |part| {
-                    let d_outputs = self.gathered(part.order, d_outputs, self.head().outputs());
-                    let (places, weights) = self.shares(near, part.order);
-                    networks.lend(|n| {
-                        let (own, mixed) = (part.derivatives, part.d_mixed);
-                        n.outputs_near(
-                            coarse.states(),
-                            &places,
-                            &weights,
-                            part.stencils,
-                            &d_outputs,
-                            own,
-                            mixed,
-                        )
-                    })
-                })
-            })?;
-            // In the order of voxels, whatever the threads did.
-            for (&voxel, d_mixed) in order.iter().zip(d_mixed.chunks_exact(row)) {
-                let (places, weights) = (near.shares)(voxel);
-                for (place, weight) in places.into_iter().zip(weights).filter(|(_, w)| *w != 0.0) {
-                    let to = &mut d_states[place as usize * row..][..row];
-                    to.iter_mut().zip(d_mixed).for_each(|(to, d)| *to += weight * d);
-                }
+        let mix = |voxel: u32, d_mixed: &[f32]| {
+            let (places, weights) = (near.shares)(voxel);
+            for (place, weight) in places.into_iter().zip(weights).filter(|(_, w)| *w != 0.0) {
+                let to = &mut d_states[place as usize * row..][..row];
+                to.iter_mut().zip(d_mixed).for_each(|(to, d)| *to += weight * d);
             }
-            spread.take(Source { spec, voxels: batch.voxels, derivatives })?;
-        }
+        };
+        let spec = StencilSpec::new(CELLS_XYZ, near.fine)?;
+        self.in_batches(spec, voxels, row, spread, mix, |part| {
+            let d_outputs = self.gathered(part.order, d_outputs, outputs);
+            let (places, weights) = self.engine.shares(near, part.order);
+            let Part { stencils, derivatives, d_mixed, .. } = part;
+            let states = &coarse.states;
+            self.networks.lend(|n| {
+                n.outputs_near(states, &places, &weights, stencils, &d_outputs, derivatives, d_mixed)
+            })
+        })?;
         Ok(d_states)
     }
 
     /// The other levels of the places.
-    fn pull_back_coarse(
+    fn others(&self, near: &Near<'_>, d_states: &[f32], spread: &mut Spread<'_>) -> Result<(), PredictError> {
+        let width = self.networks.first.state_width();
+        self.in_batches(
+            StencilSpec::paper(),
+            near.places,
+            0,
+            spread,
+            |_, _| (),
+            |part| {
+                let d_states = self.gathered(part.order, d_states, width);
+                self.networks.lend(|n| n.coarse_states(near.fine, part.stencils, &d_states, part.derivatives))
+            },
+        )
+    }
+
+    /// Has `work` done for the parts of as many voxels at a time as `spread` has room for, which takes their
+    /// derivatives. `mix` is told each voxel's `mixed` values by the mixed state, in one order whatever the threads did.
+    fn in_batches(
         &self,
-        of: Contents<'_>,
-        near: &Near<'_>,
-        d_states: &[f32],
-        networks: &Networks,
+        spec: StencilSpec,
+        voxels: &[[u32; 3]],
+        mixed: usize,
         spread: &mut Spread<'_>,
+        mut mix: impl FnMut(u32, &[f32]),
+        work: impl Fn(Part<'_>) -> Result<(), RpnnError> + Sync,
     ) -> Result<(), PredictError> {
-        let spec = StencilSpec::paper();
-        let stencils = self.stencils(of, spec)?;
-        let order = near_order(near.places);
-        for order in order.chunks(spread.room(&spec)) {
-            let voxels = order.iter().map(|&i| near.places[i as usize]).collect();
+        let stencils = self.engine.stencils(self.of, spec)?;
+        let row = self.coefficients.values_per_point(&spec);
+        let order = near_order(voxels);
+        for order in order.chunks(spread.room(row.max(mixed))) {
+            let voxels = order.iter().map(|&i| voxels[i as usize]).collect();
             let batch = Batch { voxels, order };
-            let mut derivatives = vec![0.0; batch.voxels.len() * self.values_of(&stencils)];
+            let mut derivatives = vec![0.0; order.len() * row];
+            let mut d_mixed = vec![0.0; order.len() * mixed];
             spread.reporting(order.len(), |control| {
-                self.in_parts(&stencils, &batch, &mut derivatives, &mut [], control, |part| {
-                    let d_states = self.gathered(part.order, d_states, networks.first.state_width());
-                    networks.lend(|n| {
-                        n.coarse_states(near.fine, part.stencils, &d_states, part.derivatives)
-                    })
-                })
+                self.in_parts(&stencils, &batch, &mut derivatives, &mut d_mixed, control, &work)
             })?;
+            if mixed > 0 {
+                order.iter().zip(d_mixed.chunks_exact(mixed)).for_each(|(&i, d_mixed)| mix(i, d_mixed));
+            }
             spread.take(Source { spec, voxels: batch.voxels, derivatives })?;
         }
         Ok(())
     }
 
-    /// Values of all channels of a stencil.
-    fn values_of(&self, stencils: &Stencils<'_>) -> usize {
-        self.coefficients().values_per_point(stencils.spec())
-    }
-
     /// The rows `[channel][width]` of some positions.
     fn gathered(&self, order: &[u32], values: &[f32], width: usize) -> Vec<f32> {
-        let row = self.coefficients().channels() * width;
+        let row = self.coefficients.channels() * width;
         order.iter().flat_map(|&i| &values[i as usize * row..][..row]).copied().collect()
     }
 
@@ -191,10 +182,10 @@ impl Engine {
         derivatives: &mut [f32],
         d_mixed: &mut [f32],
         control: &Control<'_>,
-        work: impl Fn(Part<'_>) -> Result<(), pellucid_rpnn::RpnnError> + Sync,
+        work: &(impl Fn(Part<'_>) -> Result<(), RpnnError> + Sync),
     ) -> Result<(), PredictError> {
         let count = batch.voxels.len();
-        let size = (SAMPLES / self.coefficients().channels()).max(1);
+        let size = (SAMPLES / self.coefficients.channels()).max(1);
         let (row, mixed_row) = (derivatives.len() / count.max(1), d_mixed.len() / count.max(1));
         let mut mixed: Vec<&mut [f32]> = match mixed_row {
             0 => (0..count.div_ceil(size)).map(|_| Default::default()).collect(),
@@ -210,7 +201,7 @@ impl Engine {
             .try_for_each(|(((order, voxels), derivatives), d_mixed)| {
                 control.check()?;
                 let mut raw = vec![0.0; voxels.len() * row];
-                stencils.extract(self.coefficients(), voxels, &mut raw, &Control::none())?;
+                stencils.extract(self.coefficients, voxels, &mut raw, &Control::none())?;
                 work(Part { order, stencils: &raw, derivatives, d_mixed })?;
                 control.advance(&done, voxels.len() as u64, count as u64);
                 Ok(())
@@ -226,4 +217,3 @@ struct Part<'a> {
     derivatives: &'a mut [f32],
     d_mixed: &'a mut [f32],
 }
-

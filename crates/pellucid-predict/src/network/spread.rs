@@ -59,14 +59,14 @@ impl<'a> Spread<'a> {
         Self { coefficients, labels, out, parts, sources, held: 0, most, progress: control, done: 0, total }
     }
 
-    /// Whether no voxel is wanted.
-    pub fn is_vain(&self) -> bool {
-        self.parts.is_empty()
+    /// How many rows of values there is room for in a source.
+    pub fn room(&self, row: usize) -> usize {
+        (self.most / 2 / (size_of::<f32>() * row)).max(1)
     }
 
-    /// How many voxels' stencils of a spec a source may hold.
-    pub fn room(&self, spec: &StencilSpec) -> usize {
-        (self.most / 2 / (size_of::<f32>() * self.coefficients.values_per_point(spec))).max(1)
+    /// What asks to stop.
+    pub fn control(&self) -> Control<'a> {
+        self.progress.silent()
     }
 
     /// What the derivatives of more voxels are reported to while they are found.
