@@ -2,11 +2,11 @@
 """The network in PyTorch, from our weight files: agrees with our own kernels to 1e-5.
 
     pip install torch
-    cargo run --release -p pellucid-rpnn --features weights --example peer_samples -- FOLDER
+    cargo run --release -p pellucid-rpnn --features weights --example peer_samples -- FOLDER [WEIGHTS]
     python benches/peers/rpnn_torch.py FOLDER
 
-FOLDER then holds weights.safetensors, the file that the library carries (any other file of
-`pellucid train` will do in its place, if the samples were made with it), and samples.safetensors:
+FOLDER then holds weights.safetensors, the file that the library carries or WEIGHTS, any other file
+of `pellucid train`, and samples.safetensors:
 raw stencils of a halftoned ball, the points' first flights, and the outputs and radiance of our
 f32 kernels for them. Prints one JSON object with the number of parameters and the worst
 differences; exits with 1 if one is above 1e-5.

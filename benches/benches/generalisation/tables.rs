@@ -98,7 +98,7 @@ pub fn flatness(plan: &Plan, networks: &[Finished]) -> Table {
 }
 
 /// Rows of whole sets of networks trained on some shapes.
-fn whole<'a>(rows: &'a [Row], shapes: Shapes) -> impl Iterator<Item = &'a Row> + Clone {
+fn whole(rows: &[Row], shapes: Shapes) -> impl Iterator<Item = &Row> + Clone {
     rows.iter().filter(move |r| r.class.is_empty() && r.shapes == shapes.name())
 }
 

@@ -87,7 +87,7 @@ mod candle {
 
     #[test]
     fn the_network_in_candle_in_batches_that_points_do_not_fill() {
-        in_channels(&small(Head::Radiance).with_batch(16).unwrap(), &[1, 5, 31]);
+        in_channels(&small(Head::Radiance).with_batch(32).unwrap(), &[1, 5]);
     }
 
     #[test]

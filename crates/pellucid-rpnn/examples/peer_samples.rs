@@ -1,16 +1,17 @@
-//! Stencils of a halftoned ball and what the shipped network makes of them, for `benches/peers/rpnn_torch.py` to agree
+//! Stencils of a halftoned ball and what the network makes of them, for `benches/peers/rpnn_torch.py` to agree
 //! with.
 //!
-//! `cargo run --release -p pellucid-rpnn --features weights --example peer_samples -- FOLDER`
+//! `cargo run --release -p pellucid-rpnn --features weights --example peer_samples -- FOLDER [WEIGHTS]`
 //!
-//! Writes `FOLDER/weights.safetensors`, the shipped file as it is, and `FOLDER/samples.safetensors`: `stencils`
+//! Writes `FOLDER/weights.safetensors`, a copy of WEIGHTS or of the shipped file, and `FOLDER/samples.safetensors`: `stencils`
 //! `[samples][9][270]` in 1/mm, `flights` `[samples][5]` (masses of three bins, escaped, returned), `outputs`
 //! `[samples][outputs]` and `radiance` `[samples]`, all f32.
 
 use std::path::PathBuf;
 
+use pellucid_rpnn::file::parse;
 use pellucid_rpnn::variant::{FirstFlight, INPUTS, LEVEL_INPUTS, LEVELS};
-use pellucid_rpnn::{Inference, Precision, SHIPPED, shipped};
+use pellucid_rpnn::{Inference, Precision, SHIPPED};
 use pellucid_stencil::{Coefficients, Features, FirstFlights, StencilSpec, Stencils};
 use pellucid_voxel::{Control, CountSat, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions};
 use safetensors::tensor::{Dtype, TensorView, serialize};
@@ -42,7 +43,12 @@ fn ball() -> Result<LabelGrid, pellucid_voxel::VoxelError> {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let folder = PathBuf::from(std::env::args().nth(1).ok_or("name a folder")?);
+    let mut arguments = std::env::args().skip(1).map(PathBuf::from);
+    let folder = arguments.next().ok_or("name a folder")?;
+    let file = match arguments.next() {
+        Some(path) => std::fs::read(path)?,
+        None => SHIPPED.to_vec(),
+    };
     std::fs::create_dir_all(&folder)?;
     let none = Control::none();
     let (labels, materials) = (ball()?, MaterialTable::cmykw());
@@ -64,7 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut flights = vec![FirstFlight::default(); samples];
     FirstFlights::new(&materials, &labels, &surface, 1.5)?.extract(&points, &mut flights, &none)?;
 
-    let network = shipped()?;
+    let network = parse("the weights".as_ref(), &file)?;
     let mut inference = Inference::new(&network.weights, network.provenance.form, Precision::F32)?;
     let outputs_each = inference.head().outputs();
     let mut outputs = vec![0.0; samples * outputs_each];
@@ -85,7 +91,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .map(|(name, shape, data)| Ok((*name, TensorView::new(Dtype::F32, shape.clone(), data)?)))
         .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
     std::fs::write(folder.join("samples.safetensors"), serialize(views, None)?)?;
-    std::fs::write(folder.join("weights.safetensors"), SHIPPED)?;
+    std::fs::write(folder.join("weights.safetensors"), &file)?;
     println!("{samples} samples, {} on {}", network.weights.variant().name(), inference.instruction_set());
     Ok(())
 }

@@ -102,7 +102,7 @@ proptest! {
         let grid = LabelGrid::from_fn(frame, |[x, y, z]| {
             let top = f64::from(size[2]) * 0.8 + tilt * f64::from(x);
             if f64::from(z) > top { return 0; }
-            let mixed = (seed ^ u64::from(x) * 7919 ^ u64::from(y) * 104_729 ^ u64::from(z) * 1_299_709)
+            let mixed = (seed ^ (u64::from(x) * 7919) ^ (u64::from(y) * 104_729) ^ (u64::from(z) * 1_299_709))
                 .wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61;
             if z % 5 == 0 { 1 } else { 1 + (mixed % 3) as u8 }
         });

@@ -80,7 +80,7 @@ pub struct PrintSettings {
     pub spp: u32,
     /// How paths correct the network.
     pub correction: Correction,
-    /// How neighbouring points share the network's coarse levels, where its weights read them first; null for not.
+    /// What neighbouring points share of the network's work; null for nothing.
     pub sharing: Option<Sharing>,
     /// Device that runs the network in candle (features `candle`, `cuda`, `metal`); this library's own kernels run it
     /// without one. Values differ in the last digits.

@@ -40,7 +40,6 @@ pub fn generate(folder: &Path, header: &SetHeader, control: &Control<'_>) -> Res
     header.check()?;
     let split = header.split()?;
     let path = folder.join(file_name(&header.split, header.shard));
-    let volumes: Vec<u32> = header.shard.volumes(split).collect();
     if path.exists() {
         let there = set_file::read(&path)?;
         check_same(&path, &there, header)?;
@@ -51,12 +50,13 @@ pub fn generate(folder: &Path, header: &SetHeader, control: &Control<'_>) -> Res
     let io = |e: std::io::Error| FileError::at("write", &partial)(e);
     let (mut file, mut done) = open_partial(&partial, header)?;
     let sampler = sampler_of(header)?;
-    control.report(done as u64, volumes.len() as u64);
-    while let Some(&volume) = volumes.get(done) {
+    let total = header.shard.count_of(split);
+    control.report(done as u64, total);
+    for volume in header.shard.volumes(split).skip(done) {
         let samples = sampler.samples(volume, split.points, Labelling::of(split), &control.silent())?;
         file.write_all(&Record::new(volume, &samples)?.bytes()).map_err(io)?;
         done += 1;
-        control.report(done as u64, volumes.len() as u64);
+        control.report(done as u64, total);
     }
     file.sync_all().and_then(|()| std::fs::rename(&partial, &path)).map_err(io)?;
     Ok(path)

@@ -71,9 +71,10 @@ impl LabelledSet {
     pub fn label(header: &SetHeader, control: &Control<'_>) -> Result<Self, DatasetError> {
         header.check()?;
         let split = header.split()?;
-        let volumes: Vec<u32> = header.shard.volumes(split).collect();
-        let points = volumes.len() as u64 * u64::from(split.points);
+        // Counted before anything is held: a recipe may claim any number.
+        let points = header.shard.count_of(split) * u64::from(split.points);
         check_samples("split", points.saturating_mul(header.materials.channels() as u64))?;
+        let volumes: Vec<u32> = header.shard.volumes(split).collect();
         let sampler = sampler_of(header)?;
         let done = AtomicU64::new(0);
         let made = volumes

@@ -51,6 +51,11 @@ impl Shard {
         }
     }
 
+    /// Number of the shard's volumes of a split.
+    pub fn count_of(self, split: &Split) -> u64 {
+        u64::from(split.volumes.saturating_sub(self.index)).div_ceil(u64::from(self.count.max(1)))
+    }
+
     /// The shard's volumes of a split.
     pub fn volumes(self, split: &Split) -> impl Iterator<Item = u32> {
         (self.index..split.volumes).step_by(self.count.max(1) as usize)
@@ -263,6 +268,19 @@ mod tests {
 
     fn refusal(bytes: &[u8]) -> String {
         parse(Path::new("a.set"), bytes).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn shards_count_what_they_list() {
+        for volumes in [0, 1, 5, 12] {
+            let split = Split { volumes, ..header().recipe.splits[0].clone() };
+            for count in 1..4 {
+                for index in 0..count {
+                    let shard = Shard { index, count };
+                    assert_eq!(shard.count_of(&split), shard.volumes(&split).count() as u64);
+                }
+            }
+        }
     }
 
     #[test]
