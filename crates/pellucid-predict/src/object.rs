@@ -123,6 +123,21 @@ impl Object {
     }
 }
 
+#[cfg(feature = "rpnn")]
+impl Object {
+    /// Tells whether points and derivatives by their radiance, `[point][channel]`, fit the object.
+    pub(crate) fn check_derivatives(&self, points: &[u32], d_radiance: &[f32]) -> Result<(), PredictError> {
+        let channels = self.channels();
+        if d_radiance.len() != points.len() * channels {
+            return Err(PredictError::invalid(
+                "derivatives by radiance",
+                format!("{} values for {} points in {channels} channels", d_radiance.len(), points.len()),
+            ));
+        }
+        self.check_points(points, d_radiance.len())
+    }
+}
+
 fn digest(surface: &Surface, materials: &MaterialTable, refractive_index: f64) -> u64 {
     let mut state = mix(surface.len() as u64 + 1);
     let mut add = |value: u64| state = mix(state ^ value.wrapping_mul(0x9e37_79b9_7f4a_7c15));

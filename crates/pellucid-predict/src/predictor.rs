@@ -58,10 +58,15 @@ pub trait BoundPredictor: Send {
     ) -> Result<Diagnostics, PredictError>;
 
     /// Adds the derivative of `sum(d_radiance * radiance)` by the amount of each material in each voxel to `out`.
-    /// `d_radiance` is `[point][channel]`.
+    /// `d_radiance` is `[point][channel]`. The amount is a volume fraction, and a mixture has the sums of its parts'
+    /// coefficients; air gets nothing, as the shape stays.
+    ///
+    /// Linear in `d_radiance` but for rounding. The same calls of [`MaterialGradient::add`] with the same bytes for any
+    /// number of threads, and again when repeated.
     ///
     /// # Errors
-    /// [`PredictError::Unsupported`] by default.
+    /// [`PredictError::Unsupported`] by default; otherwise as [`BoundPredictor::predict`]. What was added before an
+    /// error is part of the whole.
     fn pullback(
         &self,
         points: &[u32],
@@ -202,6 +207,12 @@ impl Learned {
 pub trait MaterialGradient {
     /// Adds to the derivative by the amount (volume fraction, 0 to 1) of `label` in `voxel`.
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32);
+
+    /// The voxels that derivatives are wanted for, from the first `[x, y, z]` to before the last; the whole grid where
+    /// `None`. No others are added.
+    fn region(&self) -> Option<[[u32; 3]; 2]> {
+        None
+    }
 }
 
 /// The radiance of every surface point, `[point][channel]`.

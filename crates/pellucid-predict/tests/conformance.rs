@@ -34,6 +34,14 @@ fn the_network_in_any_number_of_channels() {
 }
 
 #[test]
+fn the_network_with_a_first_flight() {
+    in_channels(
+        &common::network_of(pellucid_rpnn::variant::Head::FirstFlight, common::provenance()),
+        &[3, 5],
+    );
+}
+
+#[test]
 fn the_network_without_sharing() {
     in_channels(&common::small_network().with_sharing(None).unwrap(), &[3]);
 }

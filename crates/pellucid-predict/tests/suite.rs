@@ -8,7 +8,7 @@ use pellucid_core::{Domain, random};
 use pellucid_predict::conformance::{self, Case, Violation};
 use pellucid_predict::{
     BoundPredictor, Capabilities, Changed, Corrected, Correction, Diagnostics, Draw, Identity,
-    InstructionSet, Learned, Object, PredictError, Predictor,
+    InstructionSet, Learned, MaterialGradient, Object, PredictError, Predictor,
 };
 use pellucid_voxel::{Control, LabelGrid, TILE};
 
@@ -35,6 +35,16 @@ enum Fault {
     AbsorbsTwice,
     ForgetsItsMemory,
     LearnsByItself,
+    DeniesItsGradient,
+    GradientCountsCalls,
+    GradientKnowsItsThreads,
+    GradientIsNotLinear,
+    GradientKnowsItsPlace,
+    GradientLeavesItsRegion,
+    GradientColoursAir,
+    GradientNeverStops,
+    GradientAcceptsAnyLength,
+    GradientPullsNothing,
 }
 
 struct Mock(Fault);
@@ -62,7 +72,8 @@ impl Predictor for Mock {
     }
 
     fn supports(&self, _: &Object) -> Result<Capabilities, PredictError> {
-        Ok(Capabilities::new(self.0 != Fault::IsSecretlyRandom))
+        let own = Capabilities::new(self.0 != Fault::IsSecretlyRandom);
+        Ok(if self.0 == Fault::DeniesItsGradient { own } else { own.with_gradient() })
     }
 
     fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
@@ -174,6 +185,53 @@ impl BoundPredictor for BoundMock {
         Ok(seen)
     }
 
+    fn pullback(
+        &self,
+        points: &[u32],
+        _: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        if !self.current {
+            return Err(PredictError::before_update());
+        }
+        if self.fault != Fault::GradientAcceptsAnyLength || points.len() != 1 {
+            self.object.check_points(points, d_radiance.len())?;
+        }
+        let calls = self.calls.fetch_add(1, Ordering::Relaxed);
+        let channels = self.object.channels();
+        let region = out.region().unwrap_or([[0; 3], self.object.frame().size()]);
+        for (i, (d_radiance, &point)) in d_radiance.chunks_exact(channels).zip(points).enumerate() {
+            if self.fault != Fault::GradientNeverStops {
+                control.check()?;
+            }
+            let voxel = self.object.surface().voxels()[point as usize];
+            let wanted = (0..3).all(|a| (region[0][a]..region[1][a]).contains(&voxel[a]));
+            if self.fault == Fault::GradientPullsNothing
+                || !wanted && self.fault != Fault::GradientLeavesItsRegion
+            {
+                continue;
+            }
+            let wrong = match self.fault {
+                Fault::GradientCountsCalls => 0.1 * calls as f32,
+                Fault::GradientKnowsItsThreads => 0.1 * rayon::current_num_threads() as f32,
+                Fault::GradientKnowsItsPlace => 0.1 * i as f32,
+                _ => 0.0,
+            };
+            for label in 1..=self.object.materials().len() as u8 {
+                let terms =
+                    d_radiance.iter().enumerate().map(|(c, d)| d * f32::from(label) * (c as f32 + 1.0));
+                let sum: f32 = terms.sum();
+                let value = if self.fault == Fault::GradientIsNotLinear { sum.abs() } else { sum };
+                let at = if self.fault == Fault::GradientColoursAir { [0; 3] } else { voxel };
+                out.add(at, label, value * (1.0 + wrong));
+            }
+            control.report(i as u64 + 1, points.len() as u64);
+        }
+        Ok(())
+    }
+
     fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {
         if learned.is_empty() {
             return Ok(());
@@ -225,7 +283,7 @@ fn so_does_one_that_another_corrects() {
 #[test]
 fn every_fault_is_found_by_its_check() {
     type Check = fn(&dyn Predictor, &Case) -> Result<(), Violation>;
-    let expected: [(Fault, Check); 19] = [
+    let expected: [(Fault, Check); 29] = [
         (Fault::CountsCalls, conformance::repetition),
         (Fault::KnowsItsCompany, conformance::shards),
         (Fault::KnowsItsThreads, conformance::threads),
@@ -245,6 +303,16 @@ fn every_fault_is_found_by_its_check() {
         (Fault::AbsorbsTwice, conformance::learning),
         (Fault::ForgetsItsMemory, conformance::learning),
         (Fault::LearnsByItself, conformance::learning),
+        (Fault::DeniesItsGradient, conformance::gradients),
+        (Fault::GradientCountsCalls, conformance::gradients),
+        (Fault::GradientKnowsItsThreads, conformance::gradients),
+        (Fault::GradientIsNotLinear, conformance::gradients),
+        (Fault::GradientKnowsItsPlace, conformance::gradients),
+        (Fault::GradientLeavesItsRegion, conformance::gradients),
+        (Fault::GradientColoursAir, conformance::gradients),
+        (Fault::GradientNeverStops, conformance::gradients),
+        (Fault::GradientAcceptsAnyLength, conformance::gradients),
+        (Fault::GradientPullsNothing, conformance::gradients),
     ];
     let case = case();
     for (fault, check) in expected {

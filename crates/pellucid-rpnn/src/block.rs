@@ -71,8 +71,44 @@ pub(crate) fn forward_block(
     layers.product(c, mixed, &mut level.state[..used], n, End { add, bias: Some(c), relu: true });
 }
 
-/// Adds the gradients of a level's layers. `scratch` holds the derivative by this level's state before its ReLU on entry and by the finer level's on
-/// return, and two free buffers.
+/// What a backward pass is made for.
+pub(crate) enum Wanted<'a> {
+    /// The gradient of the parameters, which is added to this one.
+    Weights(&'a mut [f32]),
+    /// Derivatives by the inputs of the levels.
+    Inputs,
+}
+
+impl Wanted<'_> {
+    /// Takes in a layer's matrix and bias.
+    pub(crate) fn layer(
+        &mut self,
+        layers: &mut Layers,
+        layer: usize,
+        d_out: &[f32],
+        input: &[f32],
+        rows: usize,
+    ) {
+        if let Self::Weights(gradient) = self {
+            layers.gradient(gradient, layer, d_out, input, rows);
+        }
+    }
+
+    /// Takes in the bias alone of a layer whose input is zero.
+    fn bias(&mut self, layers: &Layers, layer: usize, d_out: &[f32]) {
+        if let Self::Weights(gradient) = self {
+            layers.bias_gradient(gradient, layer, d_out);
+        }
+    }
+
+    fn inputs(&self) -> bool {
+        matches!(self, Self::Inputs)
+    }
+}
+
+/// Takes a level's layers into what is wanted. `scratch` holds the derivative by this level's state before its ReLU on
+/// entry and by the state before it, likewise, on return; a free buffer; and another, on return the derivative by the
+/// level's input where that is wanted.
 pub(crate) fn backward_block(
     layers: &mut Layers,
     block: Block,
@@ -81,7 +117,7 @@ pub(crate) fn backward_block(
     n: usize,
     variant: Variant,
     scratch: [&mut [f32]; 3],
-    gradient: &mut [f32],
+    wanted: &mut Wanted<'_>,
 ) {
     let used = n * variant.width();
     let [d_state, d_mid, d_next] = scratch;
@@ -90,18 +126,19 @@ pub(crate) fn backward_block(
     // Derivative by the block's value v, in `d_next` for a full block and in `d_state` for o = v.
     let d_value: &mut [f32] = if let Some([b, c]) = block.bc {
         let mixed = &level.mixed[..used];
-        layers.gradient(gradient, c, d_state, mixed, n);
+        wanted.layer(layers, c, d_state, mixed, n);
         layers.derivative(c, d_state, d_mid, n, Add::Nothing, Some(mixed));
         if let Some(previous) = previous {
-            layers.gradient(gradient, b, d_mid, previous, n);
+            wanted.layer(layers, b, d_mid, previous, n);
             layers.derivative(b, d_mid, d_state, n, Add::Output, Some(previous));
         } else {
-            layers.bias_gradient(gradient, b, d_mid);
+            wanted.bias(layers, b, d_mid);
         }
         if let Some(a) = block.a {
-            layers.gradient(gradient, a, d_mid, value, n);
-            if has_entry {
-                layers.derivative(a, d_mid, d_next, n, Add::Nothing, Some(value));
+            wanted.layer(layers, a, d_mid, value, n);
+            // Values that entered passed a ReLU; the input itself did not.
+            if has_entry || wanted.inputs() {
+                layers.derivative(a, d_mid, d_next, n, Add::Nothing, has_entry.then_some(value));
             }
         } else {
             d_next
@@ -110,15 +147,18 @@ pub(crate) fn backward_block(
                 .zip(value)
                 .for_each(|((d, &m), &v)| *d = if v > 0.0 { m } else { 0.0 });
         }
-        d_next
+        &mut *d_next
     } else {
         d_state
     };
     if let Some([first, second]) = block.entry {
         let (rows, _) = end_shape(variant, n);
         let hidden = &level.hidden[..used];
-        layers.gradient(gradient, second, d_value, hidden, rows);
+        wanted.layer(layers, second, d_value, hidden, rows);
         layers.derivative(second, d_value, d_mid, rows, Add::Nothing, Some(hidden));
-        layers.gradient(gradient, first, d_mid, &level.input[..used], rows);
+        wanted.layer(layers, first, d_mid, &level.input[..used], rows);
+        if wanted.inputs() {
+            layers.derivative(first, d_mid, d_next, rows, Add::Nothing, None);
+        }
     }
 }

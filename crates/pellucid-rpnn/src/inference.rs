@@ -7,7 +7,7 @@ use crate::variant::{FirstFlight, Head, INPUTS, LEVEL_INPUTS, LEVELS};
 use crate::{Network, Precision, RpnnError, Weights};
 
 /// Samples of a batch: activations of all levels stay within a core's caches.
-const BATCH: usize = 64;
+pub(crate) const BATCH: usize = 64;
 
 /// A network ready to predict. Clones share the weights, so that every thread can have one.
 ///
@@ -60,6 +60,14 @@ impl Inference {
     pub fn with_instruction_set(mut self, set: InstructionSet) -> Result<Self, RpnnError> {
         self.network = self.network.with_instruction_set(set)?;
         Ok(self)
+    }
+
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
+    pub(crate) fn form(&self) -> InputForm {
+        self.form
     }
 
     /// The instruction set in use: [`Network::instruction_set`].
@@ -133,6 +141,14 @@ pub struct CoarseStates {
 }
 
 impl CoarseStates {
+    pub(crate) fn fine(&self) -> usize {
+        self.fine
+    }
+
+    pub(crate) fn values(&self) -> &[f32] {
+        &self.values
+    }
+
     /// Those of all `parts` in turn, which leave `fine` levels each.
     ///
     /// # Panics
@@ -199,29 +215,12 @@ impl Inference {
         out: &mut [f32],
     ) -> Result<(), RpnnError> {
         let (row, width) = (states.fine * LEVEL_INPUTS, self.network.variant().width());
-        let count = states.values.len() / width;
         let outputs = self.head().outputs();
         let samples = out.len() / outputs;
-        let shares = places.len() / samples.max(1);
-        if samples * outputs != out.len()
-            || stencils.len() != samples * row
-            || places.len() != samples * shares
-            || weights.len() != places.len()
-        {
-            return Err(RpnnError::invalid(
-                "stencils and places",
-                format!(
-                    "{} values, {} places and {} weights for {} outputs",
-                    stencils.len(),
-                    places.len(),
-                    weights.len(),
-                    out.len()
-                ),
-            ));
+        if samples * outputs != out.len() {
+            return Err(RpnnError::invalid("outputs", format!("{} values; {outputs} a sample", out.len())));
         }
-        if let Some(place) = places.iter().find(|p| **p as usize >= count) {
-            return Err(RpnnError::invalid("places", format!("{place}; there are {count}")));
-        }
+        let shares = check_near(states, width, samples, places, weights, stencils)?;
         self.states.resize(BATCH * width, 0.0);
         for first in (0..samples).step_by(BATCH) {
             let part = first..samples.min(first + BATCH);
@@ -240,8 +239,39 @@ impl Inference {
     }
 }
 
+/// How many places there are for each sample.
+pub(crate) fn check_near(
+    states: &CoarseStates,
+    width: usize,
+    samples: usize,
+    places: &[u32],
+    weights: &[f32],
+    stencils: &[f32],
+) -> Result<usize, RpnnError> {
+    let shares = places.len() / samples.max(1);
+    if stencils.len() != samples * states.fine * LEVEL_INPUTS
+        || places.len() != samples * shares
+        || weights.len() != places.len()
+    {
+        return Err(RpnnError::invalid(
+            "stencils and places",
+            format!(
+                "{} values, {} places and {} weights for {samples} samples",
+                stencils.len(),
+                places.len(),
+                weights.len(),
+            ),
+        ));
+    }
+    let count = states.values.len() / width;
+    match places.iter().find(|p| **p as usize >= count) {
+        Some(place) => Err(RpnnError::invalid("places", format!("{place}; there are {count}"))),
+        None => Ok(shares),
+    }
+}
+
 /// The weighted sum of some rows of `width` values.
-fn mix(values: &[f32], width: usize, places: &[u32], weights: &[f32], state: &mut [f32]) {
+pub(crate) fn mix(values: &[f32], width: usize, places: &[u32], weights: &[f32], state: &mut [f32]) {
     let row = |place: u32| &values[place as usize * width..][..width];
     let mut shares = places.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
     let Some((&place, &weight)) = shares.next() else { return state.fill(0.0) };

@@ -9,6 +9,7 @@
 //! | [`transform`] | from raw stencils to the network's input |
 //! | [`network`] | forward and backward passes on packed matrix products |
 //! | [`inference`] | radiance of raw stencils, any number of them |
+//! | [`input_gradients`] | derivatives of outputs by raw stencils |
 //! | `shipped` | trained weights carried in the library (feature `weights`) |
 //! | [`adamw`] | the optimiser |
 //! | [`train`] | training runs |
@@ -25,6 +26,7 @@ pub mod candle;
 pub mod error;
 pub mod file;
 pub mod inference;
+pub mod input_gradients;
 mod kernel;
 mod layers;
 pub mod network;
@@ -39,6 +41,7 @@ pub mod weights;
 pub use error::RpnnError;
 pub use file::{Provenance, TrainedNetwork};
 pub use inference::Inference;
+pub use input_gradients::InputGradients;
 pub use network::Network;
 pub use pellucid_core::InstructionSet;
 pub use precision::Precision;

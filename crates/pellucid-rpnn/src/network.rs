@@ -13,14 +13,18 @@
 //! layers; with ≡O each octant's 60 values pass the same layers and the results are summed. ReLU everywhere, the
 //! output too where it is the radiance; the outputs of [`Head::FirstFlight`] are plain sums.
 
+mod backward;
+
 use std::ops::Range;
 
 use pellucid_core::InstructionSet;
 
-use crate::block::{Level, backward_block, end_shape, forward_block};
+use crate::block::{Level, end_shape, forward_block};
 use crate::kernel::Add;
 use crate::layers::{End, Layers};
-use crate::variant::{Head, INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather};
+use crate::variant::{
+    Block, Head, INPUTS, LEVEL_INPUTS, LEVELS, Layout, OCTANT_INPUTS, OCTANTS, octant_gather,
+};
 use crate::{Precision, RpnnError, Variant, Weights};
 
 /// The network with its weights and the memory of one batch: activations for the backward pass and scratch.
@@ -51,21 +55,8 @@ impl Network {
         if !(1..=65_536).contains(&batch) {
             return Err(RpnnError::invalid("batch", format!("{batch}; 1 to 65536 are possible")));
         }
-        let size = batch * variant.width();
-        let levels = variant
-            .layout(head)
-            .blocks
-            .iter()
-            .map(|block| Level::new(size, block.entry.is_some(), block.bc.is_some()))
-            .collect();
         let layers = Layers::new(Weights::zeros(variant, head), precision, InstructionSet::chosen());
-        let derivatives = || vec![0.0; size];
-        Ok(Self {
-            d_state: derivatives(),
-            d_mid: derivatives(),
-            d_next: derivatives(),
-            ..Self::with_levels(variant, batch, layers, levels)
-        })
+        Ok(Self::with_all_levels(variant, batch, layers))
     }
 
     /// A network for forward passes alone.
@@ -79,10 +70,29 @@ impl Network {
         Self::with_two_levels(self.variant, self.batch, self.layers.clone())
     }
 
+    /// The same for both passes, with buffers of its own and the weights shared.
+    pub(crate) fn share_for_backward(&self) -> Self {
+        Self::with_all_levels(self.variant, self.batch, self.layers.clone())
+    }
+
     /// Whether both have the same memory for their weights.
     #[cfg(test)]
     pub(crate) fn shares_with(&self, other: &Self) -> bool {
         self.layers.shares_with(&other.layers)
+    }
+
+    /// The activations of all levels are kept for the backward pass.
+    fn with_all_levels(variant: Variant, batch: usize, layers: Layers) -> Self {
+        let size = batch * variant.width();
+        let blocks = layers.weights().layout().blocks;
+        let level = |block: Block| Level::new(size, block.entry.is_some(), block.bc.is_some());
+        let derivatives = || vec![0.0; size];
+        Self {
+            d_state: derivatives(),
+            d_mid: derivatives(),
+            d_next: derivatives(),
+            ..Self::with_levels(variant, batch, layers, blocks.into_iter().map(level).collect())
+        }
     }
 
     /// The activations of two levels take turns.
@@ -283,50 +293,6 @@ impl Network {
                 out.iter_mut().for_each(|out| *out = out.max(0.0));
             }
         }
-    }
-
-    /// Adds the gradient of a loss to `gradient`, laid out like the weights, given its derivative by each
-    /// sum that made an output of the last [`Network::forward`], `d_out` `[sample][output]`:
-    /// [`Head::derivatives`] tells what passes the ReLU of a radiance.
-    ///
-    /// # Errors
-    /// As [`Network::forward`].
-    pub fn backward(&mut self, d_out: &[f32], gradient: &mut [f32]) -> Result<(), RpnnError> {
-        let n = self.samples(d_out)?;
-        if gradient.len() != self.layers.weights().values().len() {
-            return Err(RpnnError::invalid("gradient", "its length is not that of the weights"));
-        }
-        let outputs = self.head().outputs();
-        let width = self.variant.width();
-        let layers = &mut self.layers;
-        layers.freshen_backward();
-        let Layout { blocks, end, .. } = *layers.weights().layout();
-        let (rows, end_width) = end_shape(self.variant, n);
-        let used = rows * end_width;
-        let [e1, e2, e3] = end;
-        let summed = (rows / n.max(1)).max(1);
-        let terms = &mut self.terms[..rows * outputs];
-        for (terms, d_out) in terms.chunks_exact_mut(summed * outputs).zip(d_out.chunks_exact(outputs)) {
-            terms.chunks_exact_mut(outputs).for_each(|term| term.copy_from_slice(d_out));
-        }
-        let terms = &self.terms[..rows * outputs];
-        let (d2, d1) = (&mut self.d_mid[..used], &mut self.d_next[..used]);
-        let (end1, end2) = (&self.end1[..used], &self.end2[..used]);
-        let state = &self.levels[LEVELS - 1].state[..used];
-        layers.gradient(gradient, e3, terms, end2, rows);
-        layers.derivative(e3, terms, d2, rows, Add::Nothing, Some(end2));
-        layers.gradient(gradient, e2, d2, end1, rows);
-        layers.derivative(e2, d2, d1, rows, Add::Nothing, Some(end1));
-        layers.gradient(gradient, e1, d1, state, rows);
-        layers.derivative(e1, d1, &mut self.d_state[..used], rows, Add::Nothing, Some(state));
-
-        for k in (0..LEVELS).rev() {
-            let (finer, rest) = self.levels.split_at_mut(k);
-            let previous = finer.last().map(|l| &l.state[..n * width]);
-            let scratch = [&mut self.d_state, &mut self.d_mid, &mut self.d_next].map(|v| &mut v[..n * width]);
-            backward_block(layers, blocks[k], &rest[0], previous, n, self.variant, scratch, gradient);
-        }
-        Ok(())
     }
 
     /// The number of samples of a buffer of outputs.

@@ -26,6 +26,21 @@ impl FeatureTransform {
         }
     }
 
+    /// Turns derivatives by one level's values after the transform into those by the raw ones.
+    fn pull_back_level(self, k: usize, raw: &[f32], derivatives: &mut [f32]) {
+        let scale = (1u32 << k) as f32;
+        match self {
+            Self::Scaled => derivatives.iter_mut().for_each(|d| *d *= scale / 64.0),
+            Self::Log => {
+                let pairs = derivatives.as_chunks_mut::<2>().0.iter_mut().zip(raw.as_chunks::<2>().0);
+                for ([d_s, d_a], [s, a]) in pairs {
+                    *d_s *= 0.2 * scale / (3.0 * (1.0 + 0.2 * scale * s));
+                    *d_a *= 30.0 * scale / (4.0 * (1.0 + 30.0 * scale * a));
+                }
+            }
+        }
+    }
+
     fn apply_level(self, k: usize, level: &mut [f32]) {
         let scale = (1u32 << k) as f32;
         match self {
@@ -70,6 +85,21 @@ impl InputForm {
         for (k, level) in levels.chunks_exact_mut(LEVEL_INPUTS).enumerate() {
             self.transform.apply_level(first + k, level);
         }
+        self.turn(levels);
+    }
+
+    /// Turns derivatives by levels in this form, ordered as [`InputForm::apply_levels`] left them, into derivatives by
+    /// their `raw` values, the finest first, in place.
+    pub fn pull_back_levels(self, first: usize, raw: &[f32], derivatives: &mut [f32]) {
+        self.turn(derivatives);
+        let levels = derivatives.chunks_exact_mut(LEVEL_INPUTS).zip(raw.chunks_exact(LEVEL_INPUTS));
+        for (k, (derivatives, raw)) in levels.enumerate() {
+            self.transform.pull_back_level(first + k, raw, derivatives);
+        }
+    }
+
+    /// Exchanges the order of levels, finest first, and the one in which they are read.
+    fn turn(self, levels: &mut [f32]) {
         if self.order == LevelOrder::CoarseToFine {
             let count = levels.len() / LEVEL_INPUTS;
             let (front, back) = levels.split_at_mut(count / 2 * LEVEL_INPUTS);

@@ -47,42 +47,98 @@ pub fn scatter(
     out: &mut [f64],
     control: &Control,
 ) -> Result<(), StencilError> {
-    let row = coefficients.values_per_point(spec);
-    if gradients.len() != points.len() * row {
-        return Err(StencilError::invalid(
-            "gradients",
-            format!("{} values for {} points of {row}", gradients.len(), points.len()),
-        ));
-    }
-    if region.voxels() == 0 {
-        return Err(StencilError::invalid("region", format!("{:?} has an empty axis", region.size)));
-    }
-    if out.len() != region.voxels() * coefficients.materials() {
-        return Err(StencilError::invalid(
-            "output",
-            format!(
-                "{} values for {} voxels of {} materials",
-                out.len(),
-                region.voxels(),
-                coefficients.materials()
-            ),
-        ));
-    }
-    let done = AtomicU64::new(0);
-    let total = coefficients.materials() as u64;
-    out.par_chunks_exact_mut(region.voxels()).enumerate().try_for_each(|(material, table)| {
-        table.fill(0.0);
-        let mut cells = vec![0.0; spec.cells_per_level()];
-        for (point, gradients) in points.iter().zip(gradients.chunks_exact(row)) {
-            control.check()?;
-            for level in 0..spec.levels() {
-                coefficients.cell_gradients(spec, level, material, gradients, &mut cells);
-                add_level(spec, level, *point, &cells, region, table);
-            }
+    let mut scatter = Scatter::new(coefficients, region, out)?;
+    scatter.add(spec, points, gradients, control)?;
+    scatter.finish(&control.silent())
+}
+
+/// [`scatter`] in parts: gradients of one descriptor after another, of the same or another spec, and at last the sums.
+#[derive(Debug)]
+pub struct Scatter<'a> {
+    coefficients: &'a Coefficients,
+    region: Region,
+    /// A difference table a material until the end.
+    out: &'a mut [f64],
+}
+
+impl<'a> Scatter<'a> {
+    /// Begins with nothing in `out`, which is laid out as for [`scatter`].
+    ///
+    /// # Errors
+    /// [`StencilError::Invalid`] when `out` has another length than coefficients and region ask for, or the region is
+    /// empty.
+    pub fn new(
+        coefficients: &'a Coefficients,
+        region: Region,
+        out: &'a mut [f64],
+    ) -> Result<Self, StencilError> {
+        let (voxels, materials) = (region.voxels(), coefficients.materials());
+        if voxels == 0 {
+            return Err(StencilError::invalid("region", format!("{:?} has an empty axis", region.size)));
         }
-        sum(region.size.map(|s| s as usize), table);
-        control.advance(&done, 1, total);
-        Ok(())
+        if out.len() != voxels * materials {
+            return Err(StencilError::invalid(
+                "output",
+                format!("{} values for {voxels} voxels of {materials} materials", out.len()),
+            ));
+        }
+        out.par_chunks_exact_mut(voxels).for_each(|table| table.fill(0.0));
+        Ok(Self { coefficients, region, out })
+    }
+
+    /// Adds the gradients of descriptors. Progress counts materials.
+    ///
+    /// # Errors
+    /// [`StencilError::Invalid`] when the lengths do not agree; [`StencilError::Cancelled`].
+    pub fn add(
+        &mut self,
+        spec: &StencilSpec,
+        points: &[[u32; 3]],
+        gradients: &[f32],
+        control: &Control,
+    ) -> Result<(), StencilError> {
+        let (coefficients, region) = (self.coefficients, self.region);
+        let row = coefficients.values_per_point(spec);
+        if gradients.len() != points.len() * row {
+            return Err(StencilError::invalid(
+                "gradients",
+                format!("{} values for {} points of {row}", gradients.len(), points.len()),
+            ));
+        }
+        let done = AtomicU64::new(0);
+        let total = coefficients.materials() as u64;
+        self.out.par_chunks_exact_mut(region.voxels()).enumerate().try_for_each(|(material, table)| {
+            let mut cells = vec![0.0; spec.cells_per_level()];
+            for (point, gradients) in points.iter().zip(gradients.chunks_exact(row)) {
+                control.check()?;
+                for level in (0..spec.levels()).filter(|&level| meets(spec, level, *point, region)) {
+                    coefficients.cell_gradients(spec, level, material, gradients, &mut cells);
+                    add_level(spec, level, *point, &cells, region, table);
+                }
+            }
+            control.advance(&done, 1, total);
+            Ok(())
+        })
+    }
+
+    /// Ends with the derivatives in place.
+    ///
+    /// # Errors
+    /// [`StencilError::Cancelled`].
+    pub fn finish(self, control: &Control) -> Result<(), StencilError> {
+        let size = self.region.size.map(|s| s as usize);
+        self.out.par_chunks_exact_mut(self.region.voxels()).try_for_each(|table| sum(size, table, control))
+    }
+}
+
+/// Whether a point's cells at a level reach into a region.
+fn meets(spec: &StencilSpec, level: usize, point: [u32; 3], region: Region) -> bool {
+    let edge = i64::from(spec.cell_edge(level));
+    (0..3).all(|a| {
+        let length = edge * spec.cells()[a] as i64;
+        let low = i64::from(point[a]) - length / 2 - region.low[a];
+        // A half voxel at either end counts as a whole one.
+        low < i64::from(region.size[a]) && low + length + 1 > 0
     })
 }
 
@@ -136,20 +192,26 @@ fn add_level(
 }
 
 /// Turns a difference table into values: sums along x, y and z.
-fn sum([sx, sy, _]: [usize; 3], table: &mut [f64]) {
-    for row in table.chunks_exact_mut(sx) {
-        let mut run = 0.0;
-        for value in row {
-            run += *value;
-            *value = run;
-        }
-    }
+fn sum([sx, sy, _]: [usize; 3], table: &mut [f64], control: &Control) -> Result<(), StencilError> {
     for layer in table.chunks_exact_mut(sx * sy) {
+        control.check()?;
+        for row in layer.chunks_exact_mut(sx) {
+            let mut run = 0.0;
+            for value in row {
+                run += *value;
+                *value = run;
+            }
+        }
         for at in sx..layer.len() {
             layer[at] += layer[at - sx];
         }
     }
-    for at in sx * sy..table.len() {
-        table[at] += table[at - sx * sy];
+    let mut rest = table;
+    while rest.len() > sx * sy {
+        control.check()?;
+        let (before, after) = rest.split_at_mut(sx * sy);
+        after.iter_mut().zip(&*before).for_each(|(value, before)| *value += before);
+        rest = after;
     }
+    Ok(())
 }

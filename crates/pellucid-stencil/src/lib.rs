@@ -34,7 +34,7 @@ pub mod octants;
 pub mod spec;
 mod window;
 
-pub use adjoint::{Region, scatter};
+pub use adjoint::{Region, Scatter, scatter};
 pub use changed::ChangedTiles;
 pub use coefficients::{Coefficients, Features};
 pub use error::StencilError;

@@ -15,6 +15,7 @@
 
 mod case;
 mod errors;
+mod gradients;
 mod learning;
 mod updates;
 mod values;
@@ -27,6 +28,7 @@ use crate::{BoundPredictor, Changed, Diagnostics, Draw, Pass, PredictError, Pred
 
 pub use case::Case;
 pub use errors::{cancellation, errors};
+pub use gradients::gradients;
 pub use learning::learning;
 pub use updates::updates;
 pub use values::{draws, order, repetition, shards, threads};
@@ -58,6 +60,7 @@ pub fn check(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
     updates(predictor, case)?;
     cancellation(predictor, case)?;
     errors(predictor, case)?;
+    gradients(predictor, case)?;
     learning(predictor, case)
 }
 

@@ -10,7 +10,7 @@ use super::Correction;
 use super::field::Smoothed;
 use super::moments::{Moments, Owner};
 use super::quadratic::{Quadratic, TERMS, evaluate};
-use crate::{BoundPredictor, Changed, Diagnostics, Draw, Learned, Object, PredictError};
+use crate::{BoundPredictor, Changed, Diagnostics, Draw, Learned, MaterialGradient, Object, PredictError};
 
 /// Points that one task corrects.
 const CHUNK: usize = 4096;
@@ -203,6 +203,21 @@ impl BoundPredictor for BoundCorrected {
             paths: paths + seen.paths,
             learned: found.learned.clone(),
         })
+    }
+
+    /// By the fast predictor alone: how the correction depends on the labels is left out.
+    fn pullback(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        if !self.current {
+            return Err(PredictError::before_update());
+        }
+        self.fast.pullback(points, draw, d_radiance, out, control)
     }
 
     fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {

@@ -48,6 +48,8 @@ impl Default for Correction {
 /// [`Learned`](crate::Learned) its anchors' errors; absorbed, they count on in later passes with the weight
 /// [`Correction::memory`]. A surface that has no anchor is not corrected.
 ///
+/// Where `fast` has a gradient, that is the gradient of both: how the correction depends on the labels is left out.
+///
 /// [`Corrected::fast`] can be bound by itself, to compare.
 #[derive(Clone, Debug)]
 pub struct Corrected<F, U> {
@@ -111,10 +113,11 @@ impl<F: Predictor, U: Predictor> Predictor for Corrected<F, U> {
     }
 
     fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
-        self.fast.supports(object)?;
+        let fast = self.fast.supports(object)?;
         self.unbiased.supports(object)?;
         // Another draw has other anchors.
-        Ok(Capabilities::new(true))
+        let own = Capabilities::new(true);
+        Ok(if fast.gradient { own.with_gradient() } else { own })
     }
 
     fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {

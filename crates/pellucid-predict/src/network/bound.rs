@@ -1,5 +1,7 @@
 //! One object under the network.
 
+mod pullback;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -9,10 +11,10 @@ use pellucid_stencil::{FirstFlight, FirstFlights};
 use pellucid_voxel::{CountSat, LabelGrid, Surface};
 use rayon::prelude::*;
 
-use super::evaluate::{Contents, Evaluator, Outputs};
+use super::evaluate::{Contents, Evaluator, Near, Outputs};
 use super::nodes::{Blend, Nodes};
 use crate::labels::{KeptLabels, Update};
-use crate::{BoundPredictor, Changed, Diagnostics, Draw, Object, PredictError, Sharing};
+use crate::{BoundPredictor, Changed, Diagnostics, Draw, MaterialGradient, Object, PredictError, Sharing};
 
 /// Points that a thread composes at a time.
 const CHUNK: usize = 1024;
@@ -101,13 +103,23 @@ impl BoundNetwork {
     ) -> Result<Outputs, PredictError> {
         let Some(table) = &self.table else { return Err(PredictError::before_update()) };
         let of = Contents { labels, table };
+        self.at(sites, |voxels, near| match near {
+            None => self.engine.outputs(of, voxels, control),
+            Some(near) => self.engine.outputs_near(of, near, voxels, control),
+        })
+    }
+
+    /// Works with the voxels of some of the sites and, where levels are shared, the places about them.
+    pub(super) fn at<R>(
+        &self,
+        sites: &[u32],
+        work: impl FnOnce(&[[u32; 3]], Option<&Near<'_>>) -> Result<R, PredictError>,
+    ) -> Result<R, PredictError> {
         let surface = self.object.surface();
         let point =
             |site: u32| self.sites.fine.as_ref().map_or(site, |(nodes, _)| nodes.points()[site as usize]);
         let voxels: Vec<[u32; 3]> = sites.iter().map(|&s| surface.voxels()[point(s) as usize]).collect();
-        let Some((fine, nodes, blend)) = &self.sites.coarse else {
-            return self.engine.outputs(of, &voxels, control);
-        };
+        let Some((fine, nodes, blend)) = &self.sites.coarse else { return work(&voxels, None) };
         let (needed, place) = blend.needed(sites.iter().copied());
         let places: Vec<[u32; 3]> =
             needed.iter().map(|&node| surface.voxels()[nodes.points()[node as usize] as usize]).collect();
@@ -115,7 +127,7 @@ impl BoundNetwork {
             let (near, weights) = blend.near(sites[i as usize]);
             (near.map(|node| place[node as usize]), *weights)
         };
-        self.engine.outputs_near(of, *fine, &places, &shares, &voxels, control)
+        work(&voxels, Some(&Near { fine: *fine, places: &places, shares: &shares }))
     }
 
     /// Outputs at fine nodes, in the order of all; those that are not among `nodes` may be missing.
@@ -194,12 +206,8 @@ impl BoundNetwork {
                 let mut after = vec![0.0; points.len() * row];
                 let mut count = 0;
                 for (&point, after) in points.iter().zip(after.chunks_exact_mut(row)) {
-                    let (near, weights) = blend.near(point);
-                    for (&node, &weight) in near.iter().zip(weights) {
-                        let values = &outputs.values[node as usize * row..][..row];
-                        after.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-                    }
-                    let closest = near[0] as usize;
+                    between(blend, outputs, point, after);
+                    let closest = blend.near(point).0[0] as usize;
                     let beyond = &outputs.outside[closest * channels..][..channels];
                     count += beyond.iter().filter(|outside| **outside).count() as u64;
                 }
@@ -209,6 +217,16 @@ impl BoundNetwork {
             },
         )?;
         Ok(outside.into_inner())
+    }
+}
+
+/// Adds to `after` what follows the flight of a point, `[channel][output]`, from the nodes about it.
+#[inline]
+fn between(blend: &Blend, outputs: &Outputs, point: u32, after: &mut [f32]) {
+    let (near, weights) = blend.near(point);
+    for (&node, &weight) in near.iter().zip(weights) {
+        let values = &outputs.values[node as usize * after.len()..][..after.len()];
+        after.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
     }
 }
 
@@ -248,5 +266,22 @@ impl BoundPredictor for BoundNetwork {
             None => self.predict_each(labels, points, out, control)?,
         };
         Ok(Diagnostics { outside_training, ..Diagnostics::default() })
+    }
+
+    fn pullback(
+        &self,
+        points: &[u32],
+        _: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        if !self.engine.has_gradient() {
+            return Err(PredictError::unsupported("gradient", "this form of the network has none"));
+        }
+        let Some(labels) = self.labels.current() else { return Err(PredictError::before_update()) };
+        self.object.check_derivatives(points, d_radiance)?;
+        control.check()?;
+        self.pull_back(labels, points, d_radiance, out, control)
     }
 }

@@ -11,7 +11,9 @@ use pellucid_stencil::{Coefficients, StencilSpec, Stencils, near_order};
 use pellucid_voxel::{CountSat, LabelGrid};
 use rayon::prelude::*;
 
+use super::backward::Backward;
 use super::nodes::NEAREST;
+use super::spread::Spread;
 use super::trained_range::TrainedRange;
 use crate::PredictError;
 
@@ -73,13 +75,23 @@ impl Outputs {
 /// What the network made of the coarse levels of some places.
 pub(super) struct Coarse {
     /// `[place][channel]`.
-    states: CoarseStates,
+    pub states: CoarseStates,
     /// `[place][channel]`: whether those levels lie outside what training saw.
     outside: Vec<bool>,
 }
 
 /// Places among [`Coarse`] and what each counts for a voxel.
 pub(super) type Shares = ([u32; NEAREST], [f32; NEAREST]);
+
+/// Levels that voxels read at places about them.
+pub(super) struct Near<'a> {
+    /// The finest levels, which each voxel reads for itself.
+    pub fine: usize,
+    /// Where the others are read.
+    pub places: &'a [[u32; 3]],
+    /// The places, by their positions, of the voxel of a position.
+    pub shares: &'a (dyn Fn(u32) -> Shares + Sync),
+}
 
 /// Computes the network's outputs for one object.
 pub(super) trait Evaluator: Send + Sync {
@@ -94,19 +106,37 @@ pub(super) trait Evaluator: Send + Sync {
         control: &Control<'_>,
     ) -> Result<Outputs, PredictError>;
 
-    /// [`Evaluator::outputs`] from the voxels' own `fine` finest levels and what the network makes of the others at
-    /// `places`; `shares` is told the position of a voxel. One that cannot share reads every voxel's own.
+    /// [`Evaluator::outputs`] from the voxels' own finest levels and what the network makes of the others at the places
+    /// near them. One that cannot share reads every voxel's own.
     fn outputs_near(
         &self,
         of: Contents<'_>,
-        fine: usize,
-        places: &[[u32; 3]],
-        shares: &(dyn Fn(u32) -> Shares + Sync),
+        near: &Near<'_>,
         voxels: &[[u32; 3]],
         control: &Control<'_>,
     ) -> Result<Outputs, PredictError> {
-        let _ = (fine, places, shares);
+        let _ = near;
         self.outputs(of, voxels, control)
+    }
+
+    /// Whether [`Evaluator::pull_back`] works.
+    fn has_gradient(&self) -> bool {
+        false
+    }
+
+    /// Hands to `spread` the derivatives by the stencils of voxels, given those by the outputs there, `d_outputs`
+    /// `[voxel][channel][output]`; with `near`, by the voxels' own finest levels and by the others of its places.
+    /// Unsupported by default.
+    fn pull_back(
+        &self,
+        of: Contents<'_>,
+        near: Option<&Near<'_>>,
+        voxels: &[[u32; 3]],
+        d_outputs: &[f32],
+        spread: &mut Spread<'_>,
+    ) -> Result<(), PredictError> {
+        let _ = (of, near, voxels, d_outputs, spread);
+        Err(PredictError::unsupported("gradient", "this form of the network has none"))
     }
 }
 
@@ -121,7 +151,7 @@ impl Engine {
     }
 
     /// What the network makes of all but the `fine` finest levels at voxels. Progress counts voxels.
-    fn coarse(
+    pub fn coarse(
         &self,
         of: Contents<'_>,
         fine: usize,
@@ -141,8 +171,27 @@ impl Engine {
         Ok(Coarse { states: CoarseStates::joined(fine, states), outside: outside.concat() })
     }
 
-    fn stencils<'a>(&self, of: Contents<'a>, spec: StencilSpec) -> Result<Stencils<'a>, PredictError> {
+    pub fn stencils<'a>(&self, of: Contents<'a>, spec: StencilSpec) -> Result<Stencils<'a>, PredictError> {
         Ok(Stencils::new(spec, of.labels, of.table)?.with_instruction_set(self.instruction_set)?)
+    }
+
+    /// The network with what it is given: for [`Backward`].
+    pub fn parts(&self) -> (&Inference, &Coefficients) {
+        (&self.inference, &self.coefficients)
+    }
+
+    /// The places of the voxels of some positions and what each counts, `[voxel][channel][place]`.
+    pub fn shares(&self, near: &Near<'_>, positions: &[u32]) -> (Vec<u32>, Vec<f32>) {
+        let channels = self.coefficients.channels() as u32;
+        let (mut places, mut weights) = (Vec::new(), Vec::new());
+        for &voxel in positions {
+            let (about, share) = (near.shares)(voxel);
+            for channel in 0..channels {
+                places.extend(about.map(|place| place * channels + channel));
+                weights.extend(share);
+            }
+        }
+        (places, weights)
     }
 
     fn no_outputs(&self, voxels: usize) -> Outputs {
@@ -232,25 +281,16 @@ impl Evaluator for Engine {
     fn outputs_near(
         &self,
         of: Contents<'_>,
-        fine: usize,
-        places: &[[u32; 3]],
-        shares: &(dyn Fn(u32) -> Shares + Sync),
+        near: &Near<'_>,
         voxels: &[[u32; 3]],
         control: &Control<'_>,
     ) -> Result<Outputs, PredictError> {
-        let coarse = self.coarse(of, fine, places, &control.silent())?;
+        let fine = near.fine;
+        let coarse = self.coarse(of, fine, near.places, &control.silent())?;
         let stencils = self.stencils(of, StencilSpec::new(CELLS_XYZ, fine)?)?;
-        let channels = self.coefficients.channels() as u32;
         self.in_chunks(voxels, control, |chunk, scratch| {
             self.extract(&stencils, voxels, chunk, &mut scratch.stencils)?;
-            let (mut places, mut weights) = (Vec::new(), Vec::new());
-            for &voxel in chunk {
-                let (near, share) = shares(voxel);
-                for channel in 0..channels {
-                    places.extend(near.map(|place| place * channels + channel));
-                    weights.extend(share);
-                }
-            }
+            let (places, weights) = self.shares(near, chunk);
             let mut outputs = self.no_outputs(chunk.len());
             let values = &mut outputs.values;
             scratch.inference.outputs_near(&coarse.states, &places, &weights, &scratch.stencils, values)?;
@@ -261,5 +301,20 @@ impl Evaluator for Engine {
             }
             Ok(outputs)
         })
+    }
+
+    fn has_gradient(&self) -> bool {
+        true
+    }
+
+    fn pull_back(
+        &self,
+        of: Contents<'_>,
+        near: Option<&Near<'_>>,
+        voxels: &[[u32; 3]],
+        d_outputs: &[f32],
+        spread: &mut Spread<'_>,
+    ) -> Result<(), PredictError> {
+        Backward::new(self, of).run(near, voxels, d_outputs, spread)
     }
 }

@@ -12,10 +12,16 @@
 //! | module | owns |
 //! | --- | --- |
 //! | `march` | the segments of a ray through the voxels |
+//! | `optics` | what materials do to a flight |
+//! | `passage` | a flight from segment to segment |
 //! | `extract` | the flights of points: [`FirstFlights`] |
+//! | `pullback` | derivatives by the material of each voxel on the way |
 
 mod extract;
 mod march;
+mod optics;
+mod passage;
+mod pullback;
 
 pub use extract::FirstFlights;
 

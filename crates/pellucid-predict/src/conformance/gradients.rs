@@ -1,0 +1,172 @@
+//! A gradient is a function of object, labels, points, draw and weights, and linear in the weights.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use pellucid_voxel::{AIR, Control};
+
+use super::values::pool;
+use super::{Bound, Case, DRAW, Trial, Violation};
+use crate::{BoundPredictor, MaterialGradient, PredictError, Predictor};
+
+/// What a gradient may differ by where rounding is all that differs, as a part of its largest value.
+const ROUNDING: f64 = 1e-4;
+
+/// What was added, in order, and its sums.
+#[derive(Default)]
+struct Collected {
+    calls: Vec<([u32; 3], u8, u32)>,
+    sums: BTreeMap<([u32; 3], u8), f64>,
+    region: Option<[[u32; 3]; 2]>,
+}
+
+impl MaterialGradient for Collected {
+    fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
+        self.calls.push((voxel, label, derivative.to_bits()));
+        *self.sums.entry((voxel, label)).or_default() += f64::from(derivative);
+    }
+
+    fn region(&self) -> Option<[[u32; 3]; 2]> {
+        self.region
+    }
+}
+
+impl Collected {
+    fn at(&self, at: &([u32; 3], u8)) -> f64 {
+        self.sums.get(at).copied().unwrap_or(0.0)
+    }
+
+    fn largest(&self) -> f64 {
+        self.sums.values().fold(0.0, |most, v| most.max(v.abs()))
+    }
+}
+
+/// A predictor that says it has a gradient gives the same calls for any number of threads and again, finite, for solid
+/// voxels of the region and materials of the table; sums that follow the weights linearly and add up over parts of the
+/// points; stops when told; and refuses what does not fit. One that says it has none says so when asked. That the
+/// gradient is that of the prediction is for tests of one's own to show.
+///
+/// # Errors
+/// [`Violation`] otherwise.
+pub fn gradients(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
+    let trial = Trial { check: "gradients", predictor, case };
+    let d_radiance = weights(case, 1);
+    let bound = trial.fresh(&case.labels)?;
+    if !trial.worked("supports", predictor.supports(&case.object))?.gradient {
+        let result =
+            bound.pullback(&case.points, DRAW, &d_radiance, &mut Collected::default(), &Control::none());
+        return trial.ensure(
+            matches!(result, Err(PredictError::Unsupported(_))),
+            format!("a gradient that it says it has not gave {result:?}"),
+        );
+    }
+    let pull = |bound: &dyn BoundPredictor, points: &[u32], d_radiance: &[f32], region| {
+        let mut found = Collected { region, ..Collected::default() };
+        let result = bound.pullback(points, DRAW, d_radiance, &mut found, &Control::none());
+        trial.worked("pullback", result).map(|()| found)
+    };
+    let whole = pull(&*bound, &case.points, &d_radiance, None)?;
+    well_formed(&trial, &whole)?;
+    let again = pull(&*bound, &case.points, &d_radiance, None)?;
+    trial.ensure(whole.calls == again.calls, "a repeated gradient has other bytes")?;
+    for threads in [1, 3] {
+        let other = pool(&trial, threads)?
+            .install(|| pull(&*trial.fresh(&case.labels)?, &case.points, &d_radiance, None))?;
+        trial.ensure(whole.calls == other.calls, format!("{threads} threads give other bytes"))?;
+    }
+
+    let second = weights(case, 2);
+    let mixed: Vec<f32> = d_radiance.iter().zip(&second).map(|(a, b)| 0.5 * a - 2.0 * b).collect();
+    let of_second = pull(&*bound, &case.points, &second, None)?;
+    let of_mixed = pull(&*bound, &case.points, &mixed, None)?;
+    close(&trial, "of mixed weights", &of_mixed, |at| 0.5 * whole.at(at) - 2.0 * of_second.at(at))?;
+    let (half, channels) = (case.points.len() / 2, case.object.channels());
+    let first = pull(&*bound, &case.points[..half], &d_radiance[..half * channels], None)?;
+    let rest = pull(&*bound, &case.points[half..], &d_radiance[half * channels..], None)?;
+    close(&trial, "of two parts of the points", &whole, |at| first.at(at) + rest.at(at))?;
+
+    let size = case.labels.size();
+    let region = [size.map(|s| s / 4), size.map(|s| s / 4 * 3)];
+    let inside = |v: &[u32; 3]| (0..3).all(|a| (region[0][a]..region[1][a]).contains(&v[a]));
+    let part = pull(&*bound, &case.points, &d_radiance, Some(region))?;
+    trial.ensure(part.sums.keys().all(|(v, _)| inside(v)), "it adds what lies outside the region")?;
+    close(&trial, "of a region", &whole, |at| if inside(&at.0) { part.at(at) } else { whole.at(at) })?;
+    stops(&trial, &bound, &d_radiance)?;
+    refuses(&trial, &bound, &d_radiance)?;
+    let last = pull(&*bound, &case.points, &d_radiance, None)?;
+    trial.ensure(whole.calls == last.calls, "cancelled and refused gradients leave a trace")
+}
+
+/// Weights that differ from point to point and channel to channel.
+fn weights(case: &Case, seed: usize) -> Vec<f32> {
+    let count = case.points.len() * case.object.channels();
+    (0..count).map(|i| ((i * 7919 + seed * 104_729) % 1009) as f32 / 504.5 - 1.0).collect()
+}
+
+fn well_formed(trial: &Trial<'_>, found: &Collected) -> Result<(), Violation> {
+    let case = trial.case;
+    for &(voxel, label, bits) in &found.calls {
+        let solid = case.labels.get(voxel) != AIR && case.object.materials().get(label).is_some();
+        trial.ensure(solid, format!("it adds to material {label} in {voxel:?}"))?;
+        trial.ensure(f32::from_bits(bits).is_finite(), format!("it adds no number in {voxel:?}"))?;
+    }
+    trial.ensure(found.largest() > 0.0, "nothing depends on the labels")
+}
+
+fn close(
+    trial: &Trial<'_>,
+    what: &str,
+    found: &Collected,
+    expected: impl Fn(&([u32; 3], u8)) -> f64,
+) -> Result<(), Violation> {
+    let tolerance = ROUNDING * found.largest();
+    for (at, value) in &found.sums {
+        let expected = expected(at);
+        trial.ensure(
+            (value - expected).abs() <= tolerance,
+            format!("the gradient {what} is {value} at {at:?}, not {expected}"),
+        )?;
+    }
+    Ok(())
+}
+
+fn stops(trial: &Trial<'_>, bound: &Bound, d_radiance: &[f32]) -> Result<(), Violation> {
+    // Where it is stopped depends on the order of work; one thread has one order.
+    let points = &trial.case.points;
+    for share in [0, u64::MAX, 2] {
+        let stop = AtomicBool::new(share == 0);
+        let report = |done: u64, total: u64| {
+            if done < total && done.saturating_mul(share) >= total {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let control = Control::none().with_cancel(&stop).with_progress(&report);
+        let result = bound.pullback(points, DRAW, d_radiance, &mut Collected::default(), &control);
+        let asked = stop.load(Ordering::Relaxed);
+        trial.ensure(
+            !asked || matches!(result, Err(PredictError::Cancelled)),
+            format!("a gradient that was cancelled gave {result:?}"),
+        )?;
+    }
+    Ok(())
+}
+
+fn refuses(trial: &Trial<'_>, bound: &Bound, d_radiance: &[f32]) -> Result<(), Violation> {
+    let past = trial.case.object.surface().len() as u32;
+    let channels = trial.case.object.channels();
+    let early = trial.bind()?;
+    let cases: [(&str, &Bound, &[u32], &[f32]); 3] = [
+        ("before an update", &early, &[0], &d_radiance[..channels]),
+        ("of weights of another length", bound, &[0], &d_radiance[..channels + 1]),
+        ("at a point past the surface", bound, &[past], &d_radiance[..channels]),
+    ];
+    for (what, bound, points, d_radiance) in cases {
+        let mut found = Collected::default();
+        let result = bound.pullback(points, DRAW, d_radiance, &mut found, &Control::none());
+        trial.ensure(
+            matches!(result, Err(PredictError::Invalid(_))) && found.calls.is_empty(),
+            format!("a gradient {what} gave {result:?}"),
+        )?;
+    }
+    Ok(())
+}
