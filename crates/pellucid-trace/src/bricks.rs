@@ -198,6 +198,17 @@ impl Bricks {
         (self.table[at], (v[2] & 3) << 4 | (v[1] & 3) << 2 | v[0] & 3)
     }
 
+    /// Positions of the bricks that may hold solid voxels, margin included: in the table, and in bricks along
+    /// `[x, y, z]`.
+    pub(crate) fn solid(&self) -> impl Iterator<Item = (usize, [u32; 3])> + '_ {
+        let [nx, ny, _] = self.dims.map(|d| d as usize);
+        self.table
+            .iter()
+            .enumerate()
+            .filter(|&(_, &brick)| brick >= SHARED || brick & 15 != 0)
+            .map(move |(i, _)| (i, [i % nx, i / nx % ny, i / nx / ny].map(|c| c as u32)))
+    }
+
     /// The byte of a voxel at a position that counts the margin; 0, air, past its end.
     #[inline(always)]
     pub(crate) fn byte(&self, v: [u32; 3]) -> u8 {

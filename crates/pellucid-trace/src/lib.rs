@@ -8,6 +8,7 @@
 //! | [`cases`] | reference cases in JSON, analytic and voxelised (feature `cases`) |
 //! | [`adaptive`] | radiance to a target standard error |
 //! | [`assisted`] | few paths assisted by regression over surface patches; biased |
+//! | [`adjoint`] | the derivative of radiance by the amounts of materials in voxels |
 //! | [`options`] | boundary, samples, instruction set |
 //! | [`phase`], [`fresnel`] | Henyey-Greenstein scattering, dielectric reflection |
 //!
@@ -27,6 +28,7 @@
 #![deny(unsafe_code)]
 
 pub mod adaptive;
+pub mod adjoint;
 pub mod analytic;
 pub mod assisted;
 mod bricks;
@@ -49,6 +51,7 @@ pub mod volume;
 pub mod walk;
 
 pub use adaptive::ErrorTarget;
+pub use adjoint::{AdjointOptions, Derivatives};
 pub use analytic::{AnalyticScene, Estimate, Medium, Shape};
 pub use assisted::AssistOptions;
 pub use error::TraceError;

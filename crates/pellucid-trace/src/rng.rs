@@ -33,6 +33,16 @@ pub(crate) fn path_state(point_key: u64, sample: u32) -> u64 {
     mix(point_key.wrapping_add(u64::from(sample).wrapping_mul(GOLDEN)))
 }
 
+/// A seed whose paths are independent of those of `seed`: those that derivatives follow.
+pub(crate) fn adjoint_seed(seed: u64) -> u64 {
+    mix(seed ^ 0xAD10_1275_EED5_0F9E)
+}
+
+/// A number in 0..1 of a point and channel that no path draws.
+pub(crate) fn point_unit(point_key: u64) -> f64 {
+    (mix(point_key ^ GOLDEN) >> 11) as f64 / (1u64 << 53) as f64
+}
+
 /// The generator of one path.
 pub(crate) fn path_rng(point_key: u64, sample: u32) -> Pcg32 {
     Pcg32::new(path_state(point_key, sample), STREAM)

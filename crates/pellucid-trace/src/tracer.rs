@@ -8,7 +8,7 @@ use pellucid_voxel::{Control, MaterialTable};
 use rayon::prelude::*;
 
 use crate::coefficients::{Coefficients, Optics16};
-use crate::kernel::{self, Batch, Form};
+use crate::kernel::{self, Batch, Form, Scene};
 use crate::tally::Tally;
 use crate::volume::{Start, Volume};
 use crate::{TraceError, TraceOptions, rng};
@@ -42,8 +42,9 @@ pub struct Tracer<'a> {
     pub(crate) volume: &'a Volume,
     channels: Vec<Coefficients>,
     optics: Vec<Optics16>,
+    pub(crate) materials: MaterialTable,
     pub(crate) options: TraceOptions,
-    form: Form,
+    pub(crate) form: Form,
 }
 
 impl<'a> Tracer<'a> {
@@ -64,7 +65,7 @@ impl<'a> Tracer<'a> {
         let optics =
             (0..materials.channels()).map(|c| Optics16::new(materials, volume.palette(), c)).collect();
         let form = Form::of(options.instruction_set.unwrap_or_else(InstructionSet::chosen));
-        Ok(Self { volume, channels, optics, options, form })
+        Ok(Self { volume, channels, optics, materials: materials.clone(), options, form })
     }
 
     /// Number of channels, the materials'.
@@ -129,20 +130,39 @@ impl<'a> Tracer<'a> {
 
     /// Empty tallies `[point][channel]`, after checking the points and a buffer's length.
     pub(crate) fn tallies_for(&self, points: &[u32], buffer: usize) -> Result<Vec<Tally>, TraceError> {
-        let expected = points.len() * self.channels.len();
-        if buffer != expected {
+        self.check_points(points, "radiance buffer", buffer)?;
+        Ok(vec![Tally::default(); buffer])
+    }
+
+    /// What the walks of a channel share.
+    pub(crate) fn scene(&self, channel: usize) -> Scene<'_> {
+        Scene {
+            volume: self.volume,
+            coefficients: &self.channels[channel],
+            index: self.options.boundary.index() as f32,
+            roulette: self.options.roulette,
+        }
+    }
+
+    /// Checks points and a buffer's length.
+    pub(crate) fn check_points(
+        &self,
+        points: &[u32],
+        what: &'static str,
+        buffer: usize,
+    ) -> Result<(), TraceError> {
+        if buffer != points.len() * self.channels.len() {
             return Err(TraceError::invalid(
-                "radiance buffer",
+                what,
                 format!("{buffer} values for {} points of {} channels", points.len(), self.channels.len()),
             ));
         }
-        if let Some(p) = points.iter().find(|&&p| p as usize >= self.volume.len()) {
-            return Err(TraceError::invalid(
-                "points",
-                format!("point {p} of a surface of {}", self.volume.len()),
-            ));
+        match points.iter().find(|&&p| p as usize >= self.volume.len()) {
+            Some(p) => {
+                Err(TraceError::invalid("points", format!("point {p} of a surface of {}", self.volume.len())))
+            }
+            None => Ok(()),
         }
-        Ok(vec![Tally::default(); expected])
     }
 
     /// Traces the same samples of every point and channel into `tallies`, `[point][channel]`.
@@ -190,16 +210,8 @@ impl<'a> Tracer<'a> {
                 progress.control.check()?;
                 let paths = (samples.len() * starts.len()) as u64;
                 let mut part = vec![Tally::default(); starts.len()];
-                let batch = Batch {
-                    volume: self.volume,
-                    coefficients: &self.channels[channel],
-                    index: self.options.boundary.index() as f32,
-                    roulette: self.options.roulette,
-                    starts,
-                    keys: &keys,
-                    samples,
-                };
-                kernel::trace(self.form, &batch, &mut part);
+                let batch = Batch { starts, keys: &keys, samples };
+                kernel::trace(self.form, &self.scene(channel), &batch, &mut part);
                 progress.control.advance(&progress.done, paths, progress.total);
                 Ok(part)
             })

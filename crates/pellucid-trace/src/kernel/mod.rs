@@ -14,9 +14,9 @@ mod avx512;
 mod lanes;
 mod math;
 mod portable;
+mod replay;
 mod step;
-
-use std::ops::Range;
+mod work;
 
 use lanes::Lanes;
 use pellucid_core::InstructionSet;
@@ -29,7 +29,14 @@ use crate::exit::{self, Outcome};
 use crate::march::voxel;
 use crate::rng;
 use crate::tally::Tally;
-use crate::volume::{Start, Volume};
+use crate::volume::Volume;
+
+use crate::adjoint::{Cells, Phases};
+use replay::{Replay, Weights};
+use work::{Tallies, Work};
+
+pub(crate) use replay::{Addressed, Path, Scores};
+pub(crate) use work::Batch;
 
 /// Steps after which a path is ended as if it left the object then. A path of a 60 mm white cube
 /// needs some 1e5 at most; only light trapped in clear material gets here.
@@ -39,17 +46,13 @@ const VECTORS: usize = 2;
 /// Lanes that must be idle before a vector is refilled.
 const REFILL: u32 = 3;
 
-/// A set of paths: every sample of every point.
-pub(crate) struct Batch<'a> {
+/// What the walks of a set of paths share.
+pub(crate) struct Scene<'a> {
     pub(crate) volume: &'a Volume,
     pub(crate) coefficients: &'a Coefficients,
     /// Refractive index.
     pub(crate) index: f32,
     pub(crate) roulette: f32,
-    pub(crate) starts: &'a [Start],
-    /// Random key of each start.
-    pub(crate) keys: &'a [u64],
-    pub(crate) samples: Range<u32>,
 }
 
 /// A form of the kernel. All give the same bits.
@@ -95,38 +98,54 @@ impl Form {
 }
 
 /// Traces a batch, adding to one tally a start.
-pub(crate) fn trace(form: Form, batch: &Batch<'_>, tallies: &mut [Tally]) {
-    assert!(tallies.len() == batch.starts.len() && batch.keys.len() == batch.starts.len());
+pub(crate) fn trace(form: Form, scene: &Scene<'_>, batch: &Batch<'_>, tallies: &mut [Tally]) {
+    walk::<false, _>(form, scene, &mut Tallies::new(batch, tallies));
+}
+
+/// Throughput of every path, 0 for those that are absorbed.
+pub(crate) fn weigh(form: Form, scene: &Scene<'_>, paths: &Addressed<'_>) -> Vec<f32> {
+    let mut work = Weights::new(paths);
+    walk::<false, _>(form, scene, &mut work);
+    work.weights
+}
+
+/// Walks paths again and adds what their scores make of their steps to `cells`.
+pub(crate) fn replay(form: Form, scene: &Scene<'_>, paths: &Addressed<'_>, cells: &Cells, phases: &Phases) {
+    walk::<true, _>(form, scene, &mut Replay::new(paths, cells, phases));
+}
+
+/// Walks the paths of `work`. `RECORD` hands it every step.
+fn walk<const RECORD: bool, W: Work>(form: Form, scene: &Scene<'_>, work: &mut W) {
     match form {
-        Form::Portable => choose(Portable, batch, tallies),
+        Form::Portable => choose::<_, RECORD, W>(Portable, scene, work),
         // SAFETY: the token proves the features.
         #[cfg(target_arch = "x86_64")]
-        Form::Avx2(lanes) => unsafe { trace_avx2(lanes, batch, tallies) },
+        Form::Avx2(lanes) => unsafe { walk_avx2::<RECORD, W>(lanes, scene, work) },
         // SAFETY: the token proves the features.
         #[cfg(target_arch = "x86_64")]
-        Form::Avx512(lanes) => unsafe { trace_avx512(lanes, batch, tallies) },
+        Form::Avx512(lanes) => unsafe { walk_avx512::<RECORD, W>(lanes, scene, work) },
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-fn trace_avx512(lanes: avx512::Avx512, batch: &Batch<'_>, tallies: &mut [Tally]) {
-    choose(lanes, batch, tallies);
+fn walk_avx512<const RECORD: bool, W: Work>(lanes: avx512::Avx512, scene: &Scene<'_>, work: &mut W) {
+    choose::<_, RECORD, W>(lanes, scene, work);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
-fn trace_avx2(lanes: avx2::Avx2, batch: &Batch<'_>, tallies: &mut [Tally]) {
-    choose(lanes, batch, tallies);
+fn walk_avx2<const RECORD: bool, W: Work>(lanes: avx2::Avx2, scene: &Scene<'_>, work: &mut W) {
+    choose::<_, RECORD, W>(lanes, scene, work);
 }
 
 #[inline(always)]
-fn choose<L: Lanes>(l: L, batch: &Batch<'_>, tallies: &mut [Tally]) {
-    match (batch.coefficients.regular, batch.coefficients.phase) {
-        (false, Phase::Uniform) => run::<L, false, false>(l, batch, tallies),
-        (false, Phase::PerMaterial) => run::<L, false, true>(l, batch, tallies),
-        (true, Phase::Uniform) => run::<L, true, false>(l, batch, tallies),
-        (true, Phase::PerMaterial) => run::<L, true, true>(l, batch, tallies),
+fn choose<L: Lanes, const RECORD: bool, W: Work>(l: L, scene: &Scene<'_>, work: &mut W) {
+    match (scene.coefficients.regular, scene.coefficients.phase) {
+        (false, Phase::Uniform) => run::<L, false, false, RECORD, W>(l, scene, work),
+        (false, Phase::PerMaterial) => run::<L, false, true, RECORD, W>(l, scene, work),
+        (true, Phase::Uniform) => run::<L, true, false, RECORD, W>(l, scene, work),
+        (true, Phase::PerMaterial) => run::<L, true, true, RECORD, W>(l, scene, work),
     }
 }
 
@@ -139,16 +158,15 @@ struct Vector<L: Lanes> {
 }
 
 #[inline(always)]
-fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
+fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, const RECORD: bool, W: Work>(
     l: L,
-    batch: &Batch<'_>,
-    tallies: &mut [Tally],
+    scene: &Scene<'_>,
+    work: &mut W,
 ) {
-    let volume = batch.volume;
+    let volume = scene.volume;
     let mm = volume.mm();
     let constants =
-        Constants::new(l, volume.bricks(), mm, volume.radii_mm(), batch.coefficients, batch.roulette);
-    let mut jobs = Jobs { start: 0, sample: batch.samples.start, batch };
+        Constants::new(l, volume.bricks(), mm, volume.radii_mm(), scene.coefficients, scene.roulette);
     let idle = Paths {
         position: [l.splat(1.5); 3],
         direction: [l.splat(0.0), l.splat(0.0), l.splat(1.0)],
@@ -163,26 +181,30 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
     let mut steps = 0u64;
     loop {
         if steps == next_check {
-            next_check = end_overdue(l, &mut vectors, steps, tallies);
+            next_check = end_overdue(l, &mut vectors, steps, work);
         }
         let mut busy = false;
         for v in &mut vectors {
             let dead = v.alive.count_zeros();
-            if (dead >= REFILL || v.alive == 0) && dead > 0 && jobs.left() {
-                refill(l, v, &mut jobs, steps);
+            if (dead >= REFILL || v.alive == 0) && dead > 0 && work.left() {
+                refill(l, v, work, steps);
             }
             if v.alive == 0 {
                 continue;
             }
             busy = true;
-            let events = step::step::<L, REGULAR, PER_MATERIAL>(l, &constants, &mut v.paths, l.mask(v.alive));
+            let events =
+                step::step::<L, REGULAR, PER_MATERIAL, RECORD>(l, &constants, &mut v.paths, l.mask(v.alive));
+            if RECORD {
+                work.record(l, &constants, v, &events.trail);
+            }
             let air = l.mask_bits(events.air);
             if air != 0 {
-                let left = surface_events(l, volume, batch.index, v, &events);
+                let left = surface_events(l, volume, scene.index, v, &events);
                 if left != 0 {
                     let weights = l.store(v.paths.weight);
                     for lane in bits(left) {
-                        tallies[v.owner[lane] as usize].add(weights[lane]);
+                        work.leaves(v.owner[lane], weights[lane]);
                     }
                     v.alive &= !left;
                 }
@@ -196,58 +218,30 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
     }
 }
 
-/// Hands out (start, sample) pairs.
-struct Jobs<'a> {
-    start: usize,
-    sample: u32,
-    batch: &'a Batch<'a>,
-}
-
-impl Jobs<'_> {
-    #[inline]
-    fn left(&self) -> bool {
-        self.start < self.batch.starts.len() && !self.batch.samples.is_empty()
-    }
-
-    #[inline]
-    fn next(&mut self) -> Option<(usize, u32)> {
-        if !self.left() {
-            return None;
-        }
-        let job = (self.start, self.sample);
-        self.sample += 1;
-        if self.sample >= self.batch.samples.end {
-            self.sample = self.batch.samples.start;
-            self.start += 1;
-        }
-        Some(job)
-    }
-}
-
 /// Gives idle lanes new paths.
 #[inline(always)]
-fn refill<L: Lanes>(l: L, v: &mut Vector<L>, jobs: &mut Jobs<'_>, steps: u64) {
+fn refill<L: Lanes>(l: L, v: &mut Vector<L>, work: &mut impl Work, steps: u64) {
     let mut position = [[0.0f32; 16]; 3];
     let mut direction = [[0.0f32; 16]; 3];
     let mut byte = [0u32; 16];
     let mut state = [0u64; 16];
     let mut taken = 0u16;
     for lane in bits(!v.alive) {
-        let Some((start, sample)) = jobs.next() else {
+        let Some(job) = work.next() else {
             break;
         };
-        let s = &jobs.batch.starts[start];
+        let s = job.start;
         for a in 0..3 {
             position[a][lane] = s.position[a];
             direction[a][lane] = s.direction[a];
         }
         byte[lane] = u32::from(s.byte);
         // As `Pcg32::new` does: one step after adding the increment.
-        state[lane] = rng::path_state(jobs.batch.keys[start], sample)
+        state[lane] = rng::path_state(job.key, job.sample)
             .wrapping_add(rng::PCG_INCREMENT)
             .wrapping_mul(rng::PCG_MULTIPLIER)
             .wrapping_add(rng::PCG_INCREMENT);
-        v.owner[lane] = start as u32;
+        v.owner[lane] = job.owner;
         v.deadline[lane] = steps + MAX_STEPS;
         taken |= 1 << lane;
     }
@@ -302,13 +296,13 @@ fn surface_events<L: Lanes>(l: L, volume: &Volume, index: f32, v: &mut Vector<L>
 
 /// Ends the paths whose time is up; returns when the next one's may be.
 #[cold]
-fn end_overdue<L: Lanes>(l: L, vectors: &mut [Vector<L>], steps: u64, tallies: &mut [Tally]) -> u64 {
+fn end_overdue<L: Lanes>(l: L, vectors: &mut [Vector<L>], steps: u64, work: &mut impl Work) -> u64 {
     let mut next = steps + MAX_STEPS;
     for v in vectors {
         let weights = l.store(v.paths.weight);
         for lane in bits(v.alive) {
             if v.deadline[lane] <= steps {
-                tallies[v.owner[lane] as usize].add(weights[lane]);
+                work.leaves(v.owner[lane], weights[lane]);
                 v.alive &= !(1 << lane);
             } else {
                 next = next.min(v.deadline[lane]);

@@ -52,6 +52,24 @@ pub(super) struct Events<L: Lanes> {
     pub(super) axis: L::I,
     /// A uniform random number a lane for what happens at the surface.
     pub(super) reflection: L::F,
+    /// What the step did; zeros unless it was to be recorded.
+    pub(super) trail: Trail<L>,
+}
+
+/// What a step did, for the derivative along a path.
+pub(super) struct Trail<L: Lanes> {
+    /// A uniformly random point of the stretch flown.
+    pub(super) point: [L::F; 3],
+    /// The stretch's length in mm.
+    pub(super) length: L::F,
+    /// Throughput along it.
+    pub(super) weight: L::F,
+    /// Direction along it.
+    pub(super) heading: [L::F; 3],
+    /// Scattered at its end.
+    pub(super) scatters: L::M,
+    /// Throughput after the collision, before roulette.
+    pub(super) kept: L::F,
 }
 
 impl<'a, L: Lanes> Constants<'a, L> {
@@ -84,9 +102,9 @@ impl<'a, L: Lanes> Constants<'a, L> {
 
 /// Advances every lane by one step. Lanes outside `alive` move too, to no effect.
 ///
-/// Each lane draws the same numbers whatever its neighbours do.
+/// Each lane draws the same numbers whatever its neighbours do, and moves the same whether recorded or not.
 #[inline(always)]
-pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
+pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, const RECORD: bool>(
     l: L,
     c: &Constants<'_, L>,
     s: &mut Paths<L>,
@@ -98,6 +116,15 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
     let (rng, b1) = l.draw(rng);
     let (rng, b2) = l.draw(rng);
     s.rng = rng;
+
+    let mut trail = Trail {
+        point: s.position,
+        length: zero,
+        weight: s.weight,
+        heading: s.direction,
+        scatters: l.mask(0),
+        kept: zero,
+    };
 
     let fresh = l.le(s.flight, zero);
     let path = if REGULAR { l.lookup(c.mean_free_path, s.byte) } else { c.mean_free_path };
@@ -135,11 +162,19 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
             s.position[a] = l.select(onto, l.select(up[a], plane[a], below), s.position[a]);
         }
         s.flight = l.sub(t, m);
+        trail.length = m;
     } else {
         for a in 0..3 {
             s.position[a] = l.fma(rate[a], t, s.position[a]);
         }
         s.flight = zero;
+        trail.length = t;
+    }
+    if RECORD {
+        let along = l.mul(trail.length, spare_unit(l, b0, b1));
+        for a in 0..3 {
+            trail.point[a] = l.fma(rate[a], along, trail.point[a]);
+        }
     }
 
     s.byte = voxel_bytes(l, c, &s.position);
@@ -153,6 +188,10 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
     let u1 = unit(l, b1);
     let u2 = unit(l, b2);
     let scatters = l.and(arrived, l.lt(u1, l.lookup(c.scatter, s.byte)));
+    if RECORD {
+        trail.scatters = scatters;
+        trail.kept = s.weight;
+    }
     if l.any(scatters) {
         let turn = l.sub(l.mul(u1, l.lookup(c.inv_scatter, s.byte)), l.splat(0.5));
         let g = if PER_MATERIAL { l.lookup(c.g, s.byte) } else { c.g };
@@ -171,7 +210,34 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool>(
         s.weight = l.select(low, one, s.weight);
         absorbed = dies;
     }
-    Events { air, absorbed, axis, reflection: u2 }
+    Events { air, absorbed, axis, reflection: u2, trail }
+}
+
+/// Uniform numbers from the nine bits of each of two draws that [`unit`] leaves out, so that recording takes no
+/// draws of its own.
+#[inline(always)]
+fn spare_unit<L: Lanes>(l: L, high: L::I, low: L::I) -> L::F {
+    let nine = l.splat_i(511);
+    let bits = l.or_i(l.shl::<9>(l.and_i(high, nine)), l.and_i(low, nine));
+    l.fma(l.to_f(bits), l.splat(1.0 / (1 << 18) as f32), l.splat(0.5 / (1 << 18) as f32))
+}
+
+/// Positions in `table`, laid out as the bricks' table, and voxels within the bricks, of points, which are first
+/// brought within it: what the table says, and `[z][y][x]` within the brick.
+#[inline(always)]
+pub(super) fn cells<L: Lanes>(l: L, c: &Constants<'_, L>, table: &[u32], point: &[L::F; 3]) -> (L::I, L::I) {
+    assert_eq!(table.len(), c.table.len());
+    let x = l.min_u(l.to_i(point[0]), c.last[0]);
+    let y = l.min_u(l.to_i(point[1]), c.last[1]);
+    let z = l.min_u(l.to_i(point[2]), c.last[2]);
+    let at = l.add_i(l.mul_i(l.shr::<2>(z), c.slab), l.shr::<2>(y));
+    let at = l.add_i(l.mul_i(at, c.row), l.shr::<2>(x));
+    // SAFETY: x, y, z lie within the bricks' extent, so `at` is below the length of the bricks' table, which is this
+    // one's and at most 2^29.
+    let brick = unsafe { l.gather(table, at) };
+    let three = l.splat_i(3);
+    let row = l.or_i(l.shl::<2>(l.and_i(z, three)), l.and_i(y, three));
+    (brick, l.or_i(l.shl::<2>(row), l.and_i(x, three)))
 }
 
 /// The bytes of the voxels at positions, which are first brought within the table.

@@ -1,0 +1,129 @@
+//! Where derivatives are added up: integers, so that the order of additions does not matter.
+
+use std::sync::atomic::{AtomicI64, Ordering};
+
+use super::{Derivatives, Phases};
+use crate::TraceError;
+use crate::bricks::{BRICK, MARGIN};
+use crate::volume::Volume;
+
+/// Units a millimetre.
+const UNIT: f32 = (1 << 24) as f32;
+
+/// Sums of one channel, in units of 2^-24 mm, for every voxel of the bricks that are wanted: T l of the flights, and
+/// for each phase function the scatterings' row less -T l.
+pub(crate) struct Cells {
+    /// 1 + position among the bricks that have cells, 0 for none; laid out as the bricks' table.
+    table: Vec<u32>,
+    /// Positions along `[x, y, z]` of those bricks, margin included.
+    bricks: Vec<[u32; 3]>,
+    /// `[brick][voxel][sum]`.
+    sums: Vec<AtomicI64>,
+    /// Sums a voxel.
+    stride: usize,
+}
+
+impl Cells {
+    /// For the solid voxels that `out` wants.
+    pub(crate) fn new(volume: &Volume, out: &dyn Derivatives, phases: usize) -> Result<Self, TraceError> {
+        let size = volume.frame().size();
+        let region = out.region().unwrap_or([[0; 3], size]);
+        let mut table = vec![0u32; volume.bricks().table.len()];
+        let mut bricks = Vec::new();
+        for (i, brick) in volume.bricks().solid() {
+            let first: [u32; 3] =
+                std::array::from_fn(|a| (brick[a] * BRICK as u32).saturating_sub(MARGIN).max(region[0][a]));
+            let end: [u32; 3] = std::array::from_fn(|a| {
+                (brick[a] * BRICK as u32 + BRICK as u32).saturating_sub(MARGIN).min(region[1][a]).min(size[a])
+            });
+            if (0..3).all(|a| first[a] < end[a]) && out.wants(first, end) {
+                bricks.push(brick);
+                table[i] = bricks.len() as u32;
+            }
+        }
+        let stride = 1 + phases;
+        let count = bricks.len() * BRICK.pow(3) * stride;
+        let mut sums = Vec::new();
+        if sums.try_reserve_exact(count).is_err() {
+            return Err(TraceError::unsupported(
+                "derivative",
+                format!("{} bytes for {} boxes of 64 voxels; want fewer", count * 8, bricks.len()),
+            ));
+        }
+        sums.resize_with(count, AtomicI64::default);
+        Ok(Self { table, bricks, sums, stride })
+    }
+
+    pub(crate) fn table(&self) -> &[u32] {
+        &self.table
+    }
+
+    /// Position of a voxel's sums, of what the table says of its brick (not 0) and its place within.
+    #[inline(always)]
+    pub(crate) fn at(&self, brick: u32, local: u32) -> usize {
+        ((brick as usize - 1) * 64 + local as usize) * self.stride
+    }
+
+    #[inline(always)]
+    fn add(&self, at: usize, value: f32) {
+        self.sums[at].fetch_add((value * UNIT) as i64, Ordering::Relaxed);
+    }
+
+    /// Adds a flight's T l and b w l.
+    #[inline(always)]
+    pub(crate) fn fly(&self, at: usize, length: f32, baseline: f32) {
+        self.add(at, length);
+        if baseline != 0.0 {
+            (1..self.stride).for_each(|k| self.add(at + k, baseline));
+        }
+    }
+
+    /// Adds a scattering by a voxel of the palette's material `byte` at a cosine, of `value` T - b w.
+    #[inline(always)]
+    pub(crate) fn scatter(&self, at: usize, value: f32, phases: &Phases, byte: u32, cosine: f32) {
+        let value = value * phases.inv_sigma_s[byte as usize];
+        if phases.several() {
+            for k in 0..self.stride - 1 {
+                self.add(at + 1 + k, value * phases.ratio(k, byte, cosine));
+            }
+        } else {
+            self.add(at + 1, value);
+        }
+    }
+
+    /// Hands out the sums of one brick after the other as (voxel, sums in mm), those within the region that are not
+    /// all 0, and sets them to 0.
+    pub(crate) fn drain<E>(
+        &mut self,
+        volume: &Volume,
+        region: Option<[[u32; 3]; 2]>,
+        mut check: impl FnMut() -> Result<(), E>,
+        mut visit: impl FnMut([u32; 3], &[f64]),
+    ) -> Result<(), E> {
+        let mut values = vec![0.0; self.stride];
+        for (b, brick) in self.bricks.iter().enumerate() {
+            if b % 1024 == 0 {
+                check()?;
+            }
+            let sums = &mut self.sums[b * 64 * self.stride..][..64 * self.stride];
+            for (local, sums) in sums.chunks_exact_mut(self.stride).enumerate() {
+                if sums.iter_mut().all(|s| *s.get_mut() == 0) {
+                    continue;
+                }
+                for (value, sum) in values.iter_mut().zip(sums) {
+                    *value = std::mem::take(sum.get_mut()) as f64 / f64::from(UNIT);
+                }
+                let at = [local % BRICK, local / BRICK % BRICK, local / BRICK / BRICK];
+                let inner: [u32; 3] = std::array::from_fn(|a| brick[a] * BRICK as u32 + at[a] as u32);
+                if volume.bricks().byte(inner) & 15 == 0 {
+                    continue;
+                }
+                let voxel = inner.map(|c| c - MARGIN);
+                if region.is_none_or(|[first, end]| (0..3).all(|a| (first[a]..end[a]).contains(&voxel[a]))) {
+                    visit(voxel, &values);
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,163 @@
+//! Estimation of the derivative, channel by channel.
+
+use std::sync::atomic::AtomicU64;
+
+use pellucid_voxel::Control;
+use rayon::prelude::*;
+
+use super::paths::Plan;
+use super::{AdjointOptions, Cells, Derivatives, Phases};
+use crate::kernel::{self, Addressed, Path, Scores};
+use crate::volume::Start;
+use crate::{TraceError, Tracer, rng};
+
+/// Least mean throughput of paths whose scatterings are counted against a baseline.
+const PALE: f64 = 0.5;
+
+impl Tracer<'_> {
+    /// Adds the derivative of `sum(d_radiance * radiance)` by the amount (volume fraction, 0 to 1) of each of the
+    /// table's materials in each voxel to `out`. `d_radiance` is `[point][channel]`. Unbiased; see [`adjoint`] for the
+    /// estimator. Returns the number of paths.
+    ///
+    /// The same bytes for any number of threads and on any processor. Independent of [`Tracer::radiance`] with the same
+    /// `iteration`.
+    ///
+    /// [`adjoint`]: crate::adjoint
+    ///
+    /// ```
+    /// use pellucid_trace::{AdjointOptions, Derivatives, TraceOptions, Tracer, Volume};
+    /// # use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
+    /// # let frame = Frame::new([0.0; 3], Pitch::j750(), [48, 24, 74]).unwrap();
+    /// # let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
+    /// # let control = Control::none();
+    /// # let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+    /// # let volume = Volume::new(&grid, &surface, &control).unwrap();
+    /// # let materials = MaterialTable::cmykw();
+    /// # let top = surface.index_of([24, 12, 73]).unwrap();
+    /// /// By the amount of black.
+    /// struct Black(f64);
+    /// impl Derivatives for Black {
+    ///     fn add(&mut self, _voxel: [u32; 3], label: u8, derivative: f32) {
+    ///         if label == 4 {
+    ///             self.0 += f64::from(derivative);
+    ///         }
+    ///     }
+    /// }
+    /// let tracer = Tracer::new(&volume, &materials, TraceOptions::default()).unwrap();
+    /// let options = AdjointOptions { paths: 256.0 };
+    /// let mut black = Black(0.0);
+    /// tracer.pullback(&[top], 0, &[1.0; 3], &options, &mut black, &control).unwrap();
+    /// assert!(black.0 < 0.0); // more black anywhere is less light
+    /// ```
+    ///
+    /// # Errors
+    /// [`TraceError::Invalid`] for a point past the surface, weights of another length or not finite, or options out of
+    /// range; [`TraceError::Unsupported`] when the sums of what `out` wants do not fit in memory;
+    /// [`TraceError::Cancelled`], after which `out` holds a part. Progress counts paths.
+    pub fn pullback(
+        &self,
+        points: &[u32],
+        iteration: u32,
+        d_radiance: &[f32],
+        options: &AdjointOptions,
+        out: &mut dyn Derivatives,
+        control: &Control<'_>,
+    ) -> Result<u64, TraceError> {
+        options.check()?;
+        self.check_points(points, "d_radiance", d_radiance.len())?;
+        if let Some(i) = d_radiance.iter().position(|r| !r.is_finite()) {
+            return Err(TraceError::invalid("d_radiance", format!("value {i} is {}", d_radiance[i])));
+        }
+        control.check()?;
+        let mean = d_radiance.iter().map(|&r| f64::from(r).abs()).sum::<f64>() / d_radiance.len() as f64;
+        if d_radiance.is_empty() || mean == 0.0 {
+            return Ok(0);
+        }
+        let per_path = mean / f64::from(options.paths);
+        let plans: Vec<Plan> = (0..self.channels())
+            .map(|c| {
+                let weights = d_radiance[c..].iter().step_by(self.channels()).copied();
+                Plan::new(weights, points.iter().map(|&p| self.key(p, c, iteration)), 1.0 / per_path)
+            })
+            .collect::<Result<_, _>>()?;
+        let total = plans.iter().map(Plan::paths).sum();
+        let done = AtomicU64::new(0);
+        let phases = |c| Phases::new(&self.materials, self.volume.palette(), c);
+        let mut cells = Cells::new(self.volume, out, phases(0).len())?;
+        for (c, plan) in plans.iter().enumerate() {
+            let phases = phases(c);
+            plan.groups().into_par_iter().try_for_each(|group| {
+                control.check()?;
+                let count = self.splat(points, c, iteration, d_radiance, plan.group(group), &cells, &phases);
+                control.advance(&done, count, total);
+                Ok::<_, TraceError>(())
+            })?;
+            self.hand_out(c, per_path, &mut cells, &phases, out, control)?;
+        }
+        Ok(total)
+    }
+
+    fn key(&self, point: u32, channel: usize, iteration: u32) -> u64 {
+        rng::point_key(rng::adjoint_seed(self.options.seed), iteration, channel as u32, point)
+    }
+
+    /// Walks a group of paths and adds their parts; returns their number.
+    #[allow(clippy::too_many_arguments, reason = "all of them differ in kind")]
+    fn splat(
+        &self,
+        points: &[u32],
+        channel: usize,
+        iteration: u32,
+        d_radiance: &[f32],
+        (range, mut paths): (std::ops::Range<usize>, Vec<Path>),
+        cells: &Cells,
+        phases: &Phases,
+    ) -> u64 {
+        let scene = self.scene(channel);
+        let starts: Vec<Start> = points[range.clone()].iter().map(|&p| self.volume.start(p)).collect();
+        let keys: Vec<u64> = points[range.clone()].iter().map(|&p| self.key(p, channel, iteration)).collect();
+        let count = paths.len();
+        let (starts, keys) = (&starts[..], &keys[..]);
+        let weights = kernel::weigh(self.form, &scene, &Addressed { paths: &paths, starts, keys });
+        let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+        for (path, &weight) in paths.iter_mut().zip(&weights) {
+            let others = (sum - f64::from(weight)) / (count as f64 - 1.0).max(1.0);
+            let baseline = if others > PALE { others as f32 } else { 0.0 };
+            let sign = d_radiance[(range.start + path.start as usize) * self.channels() + channel].signum();
+            path.scores = Scores { throughput: sign * weight, baseline: sign * baseline };
+        }
+        paths.retain(|path| path.scores.throughput != 0.0 || path.scores.baseline != 0.0);
+        kernel::replay(self.form, &scene, &Addressed { paths: &paths, starts, keys }, cells, phases);
+        count as u64
+    }
+
+    /// Turns the sums of a channel into derivatives by material.
+    fn hand_out(
+        &self,
+        channel: usize,
+        per_path: f64,
+        cells: &mut Cells,
+        phases: &Phases,
+        out: &mut dyn Derivatives,
+        control: &Control<'_>,
+    ) -> Result<(), TraceError> {
+        let rows: Vec<(u8, f64, f64, usize)> = (1..=self.materials.len())
+            .map(|label| {
+                let m = &self.materials.materials()[label - 1];
+                let (s, a) = (f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel]));
+                (label as u8, s * per_path, (s + a) * per_path, 1 + phases.of(label - 1))
+            })
+            .collect();
+        let region = out.region();
+        cells.drain(
+            self.volume,
+            region,
+            || Ok(control.check()?),
+            |voxel, sums| {
+                for &(label, scattering, extinction, phase) in &rows {
+                    out.add(voxel, label, (scattering * sums[phase] - extinction * sums[0]) as f32);
+                }
+            },
+        )
+    }
+}

@@ -1,0 +1,151 @@
+//! Paths walked one by one for their throughput, and walked again for their derivative.
+
+use super::lanes::Lanes;
+use super::step::{Constants, Trail, cells};
+use super::work::{Job, Work};
+use super::{Vector, bits};
+use crate::adjoint::{Cells, Phases};
+use crate::volume::Start;
+
+/// One path among those of a few points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Path {
+    /// Position among the starts.
+    pub(crate) start: u32,
+    pub(crate) sample: u32,
+    /// What is splat along it: see [`Scores`].
+    pub(crate) scores: Scores,
+}
+
+/// What a path's throughput counts for, and what is subtracted from it: T and b of the estimator, with the sign of
+/// the path's weight.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Scores {
+    pub(crate) throughput: f32,
+    pub(crate) baseline: f32,
+}
+
+/// Paths of a few points.
+pub(crate) struct Addressed<'a> {
+    pub(crate) paths: &'a [Path],
+    pub(crate) starts: &'a [Start],
+    /// Random key of each start.
+    pub(crate) keys: &'a [u64],
+}
+
+impl Addressed<'_> {
+    #[inline(always)]
+    fn next(&self, position: &mut usize) -> Option<Job<'_>> {
+        let path = self.paths.get(*position)?;
+        let owner = *position as u32;
+        *position += 1;
+        let start = path.start as usize;
+        Some(Job { owner, start: &self.starts[start], key: self.keys[start], sample: path.sample })
+    }
+}
+
+/// Paths whose throughputs are wanted.
+pub(super) struct Weights<'a> {
+    paths: &'a Addressed<'a>,
+    next: usize,
+    pub(super) weights: Vec<f32>,
+}
+
+/// Paths whose steps are splat.
+pub(super) struct Replay<'a> {
+    paths: &'a Addressed<'a>,
+    next: usize,
+    cells: &'a Cells,
+    phases: &'a Phases,
+}
+
+impl<'a> Weights<'a> {
+    pub(super) fn new(paths: &'a Addressed<'a>) -> Self {
+        Self { paths, next: 0, weights: vec![0.0; paths.paths.len()] }
+    }
+}
+
+impl<'a> Replay<'a> {
+    pub(super) fn new(paths: &'a Addressed<'a>, cells: &'a Cells, phases: &'a Phases) -> Self {
+        Self { paths, next: 0, cells, phases }
+    }
+}
+
+impl Work for Weights<'_> {
+    #[inline(always)]
+    fn left(&self) -> bool {
+        self.next < self.paths.paths.len()
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Job<'_>> {
+        self.paths.next(&mut self.next)
+    }
+
+    #[inline(always)]
+    fn leaves(&mut self, owner: u32, weight: f32) {
+        self.weights[owner as usize] = weight;
+    }
+
+    #[inline(always)]
+    fn record<L: Lanes>(&mut self, _: L, _: &Constants<'_, L>, _: &Vector<L>, _: &Trail<L>) {}
+}
+
+impl Work for Replay<'_> {
+    #[inline(always)]
+    fn left(&self) -> bool {
+        self.next < self.paths.paths.len()
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Job<'_>> {
+        self.paths.next(&mut self.next)
+    }
+
+    #[inline(always)]
+    fn leaves(&mut self, _: u32, _: f32) {}
+
+    #[inline(always)]
+    fn record<L: Lanes>(&mut self, l: L, constants: &Constants<'_, L>, v: &Vector<L>, trail: &Trail<L>) {
+        let none = l.splat_i(0);
+        let (brick, local) = cells(l, constants, self.cells.table(), &trail.point);
+        let flown = v.alive & !l.mask_bits(l.eq_i(brick, none));
+        if flown != 0 {
+            let (brick, local) = (l.store_i(brick), l.store_i(local));
+            let (length, weight) = (l.store(trail.length), l.store(trail.weight));
+            for lane in bits(flown) {
+                let scores = &self.paths.paths[v.owner[lane] as usize].scores;
+                let length = length[lane];
+                let at = self.cells.at(brick[lane], local[lane]);
+                self.cells.fly(at, scores.throughput * length, scores.baseline * weight[lane] * length);
+            }
+        }
+        let scattered = v.alive & l.mask_bits(trail.scatters);
+        if scattered == 0 {
+            return;
+        }
+        let (brick, local) = cells(l, constants, self.cells.table(), &v.paths.position);
+        let scattered = scattered & !l.mask_bits(l.eq_i(brick, none));
+        if scattered == 0 {
+            return;
+        }
+        let (brick, local) = (l.store_i(brick), l.store_i(local));
+        let (byte, kept) = (l.store_i(v.paths.byte), l.store(trail.kept));
+        let cosine = if self.phases.several() {
+            l.store(dot(l, &trail.heading, &v.paths.direction))
+        } else {
+            [0.0; 16]
+        };
+        for lane in bits(scattered) {
+            let scores = &self.paths.paths[v.owner[lane] as usize].scores;
+            let value = scores.throughput - scores.baseline * kept[lane];
+            let at = self.cells.at(brick[lane], local[lane]);
+            self.cells.scatter(at, value, self.phases, byte[lane] & 15, cosine[lane]);
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(l: L, a: &[L::F; 3], b: &[L::F; 3]) -> L::F {
+    l.fma(a[0], b[0], l.fma(a[1], b[1], l.mul(a[2], b[2])))
+}

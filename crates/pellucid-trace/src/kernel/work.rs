@@ -1,0 +1,87 @@
+//! Which paths a kernel walks, and what becomes of them.
+
+use std::ops::Range;
+
+use super::Vector;
+use super::lanes::Lanes;
+use super::step::{Constants, Trail};
+use crate::tally::Tally;
+use crate::volume::Start;
+
+/// A path to walk.
+pub(super) struct Job<'a> {
+    /// Whom its end is told to.
+    pub(super) owner: u32,
+    pub(super) start: &'a Start,
+    /// Random key of its point, channel and pass.
+    pub(super) key: u64,
+    pub(super) sample: u32,
+}
+
+/// Hands out paths and takes in their ends.
+pub(super) trait Work {
+    /// Tells whether there are paths to walk still.
+    fn left(&self) -> bool;
+    fn next(&mut self) -> Option<Job<'_>>;
+    /// A path left the object with a throughput. One that does not was absorbed.
+    fn leaves(&mut self, owner: u32, weight: f32);
+    /// Every living lane of a vector did a step.
+    fn record<L: Lanes>(&mut self, l: L, constants: &Constants<'_, L>, v: &Vector<L>, trail: &Trail<L>);
+}
+
+/// A set of paths: every sample of every point.
+pub(crate) struct Batch<'a> {
+    pub(crate) starts: &'a [Start],
+    /// Random key of each start.
+    pub(crate) keys: &'a [u64],
+    pub(crate) samples: Range<u32>,
+}
+
+/// A batch whose ends are added up by start.
+pub(super) struct Tallies<'a> {
+    batch: &'a Batch<'a>,
+    start: usize,
+    sample: u32,
+    tallies: &'a mut [Tally],
+}
+
+impl<'a> Tallies<'a> {
+    pub(super) fn new(batch: &'a Batch<'a>, tallies: &'a mut [Tally]) -> Self {
+        assert!(tallies.len() == batch.starts.len() && batch.keys.len() == batch.starts.len());
+        Self { batch, start: 0, sample: batch.samples.start, tallies }
+    }
+}
+
+impl Work for Tallies<'_> {
+    #[inline(always)]
+    fn left(&self) -> bool {
+        self.start < self.batch.starts.len() && !self.batch.samples.is_empty()
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Job<'_>> {
+        if !self.left() {
+            return None;
+        }
+        let (start, sample) = (self.start, self.sample);
+        self.sample += 1;
+        if self.sample >= self.batch.samples.end {
+            self.sample = self.batch.samples.start;
+            self.start += 1;
+        }
+        Some(Job {
+            owner: start as u32,
+            start: &self.batch.starts[start],
+            key: self.batch.keys[start],
+            sample,
+        })
+    }
+
+    #[inline(always)]
+    fn leaves(&mut self, owner: u32, weight: f32) {
+        self.tallies[owner as usize].add(weight);
+    }
+
+    #[inline(always)]
+    fn record<L: Lanes>(&mut self, _: L, _: &Constants<'_, L>, _: &Vector<L>, _: &Trail<L>) {}
+}
