@@ -175,7 +175,8 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         };
     }
     if let Some(file) = &args.weights {
-        if settings.predictor == PredictorKind::MonteCarlo {
+        if settings.predictor == PredictorKind::MonteCarlo && settings.strategy == StrategyKind::SurfaceFirst
+        {
             return Err(Failure::message("--weights are the network's; add --predictor rpnn"));
         }
         settings.weights = Some(NetworkWeights::load(file)?);

@@ -114,6 +114,7 @@ pub mod object;
 mod picture;
 pub mod predictor;
 mod sharing;
+mod with_gradient;
 
 pub use corrected::{Corrected, Correction};
 pub use device::NetworkDevice;
@@ -134,3 +135,4 @@ pub use predictor::{
     predict_all,
 };
 pub use sharing::Sharing;
+pub use with_gradient::WithGradient;

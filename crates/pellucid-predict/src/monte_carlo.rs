@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use pellucid_core::{Control, InstructionSet};
-use pellucid_trace::{Boundary, TraceError, TraceOptions, Tracer, Tracking, Volume};
+use pellucid_trace::{AdjointOptions, Boundary, TraceError, TraceOptions, Tracer, Tracking, Volume};
 use pellucid_voxel::LabelGrid;
 
 use crate::{
-    BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Identity, Object, PredictError, Predictor,
+    BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Identity, MaterialGradient, Object,
+    PredictError, Predictor,
 };
 
 /// Predicts by unbiased path tracing, the same number of paths for every point and channel.
@@ -107,7 +108,7 @@ impl Predictor for MonteCarlo {
 
     fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
         self.trace_options(object, 0)?;
-        Ok(Capabilities::new(true))
+        Ok(Capabilities::new(true).with_gradient())
     }
 
     fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
@@ -168,6 +169,43 @@ impl BoundPredictor for BoundMonteCarlo {
         let tracer = Tracer::new(volume, self.object.materials(), options)?;
         tracer.radiance(points, draw.pass.number(), out, control)?;
         Ok(Diagnostics { paths: out.len() as u64 * u64::from(options.spp), ..Diagnostics::default() })
+    }
+
+    fn pullback(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        let volume = self.volume.as_ref().filter(|_| self.current).ok_or_else(PredictError::before_update)?;
+        self.object.check_points(points, d_radiance.len())?;
+        control.check()?;
+        let options = self.settings.trace_options(&self.object, draw.seed)?;
+        let tracer = Tracer::new(volume, self.object.materials(), options)?;
+        let mut out = Wanted(out);
+        let paths = std::env::var("APATHS").ok().and_then(|v| v.parse().ok()).unwrap_or(2.0);
+        tracer.pullback(
+            points,
+            draw.pass.number(),
+            d_radiance,
+            &AdjointOptions { paths },
+            &mut out,
+            control,
+        )?;
+        Ok(())
+    }
+}
+
+struct Wanted<'a>(&'a mut dyn MaterialGradient);
+
+impl pellucid_trace::Derivatives for Wanted<'_> {
+    fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
+        self.0.add(voxel, label, derivative);
+    }
+    fn region(&self) -> Option<[[u32; 3]; 2]> {
+        self.0.region()
     }
 }
 

@@ -9,15 +9,16 @@ use crate::file::{TrainedNetwork, parse};
 /// `VarBuilder::from_slice_safetensors`; [`shipped`] is what it holds.
 pub const SHIPPED: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors");
 
-/// The weights of the paper's proposal, [`Variant::SharedLevelsAndOctants`](crate::Variant), and what they were
-/// trained for: 600 x 300 x 940 DPI, refractive index 1.5, the default materials.
+/// The weights of the paper's proposal, [`Variant::SharedLevelsAndOctants`](crate::Variant), with the head
+/// [`Head::FirstFlight`](crate::variant::Head), and what they were trained for: 600 x 300 x 940 DPI, refractive index
+/// 1.5, the default materials and others about them.
 ///
 /// # Errors
 /// Never in practice: only when the file in the library is damaged.
 ///
 /// ```
 /// let network = pellucid_rpnn::shipped().unwrap();
-/// assert_eq!(network.weights.values().len(), 706_861);
+/// assert_eq!(network.weights.values().len(), 707_044);
 /// assert_eq!(network.provenance.refractive_index, 1.5);
 /// ```
 pub fn shipped() -> Result<TrainedNetwork, RpnnError> {
@@ -29,6 +30,7 @@ mod tests {
     use super::*;
     use crate::variant::INPUTS;
     use crate::{Inference, Precision};
+    use pellucid_stencil::{FLIGHT_BINS, FLIGHT_DEPTHS_MM, FirstFlight};
 
     /// A half-space of one material, seen from its surface: z up, the point's voxel the topmost.
     fn half_space(sigma_s: f32, sigma_a: f32) -> Vec<f32> {
@@ -44,6 +46,19 @@ mod tests {
         stencil
     }
 
+    /// Its first flight, straight down: Beer and Lambert's law.
+    fn flight(sigma_s: f32, sigma_a: f32) -> FirstFlight {
+        let extinction = f64::from(sigma_s + sigma_a);
+        let left = |bin: usize| match bin {
+            0 => 1.0,
+            bin if bin < FLIGHT_BINS => (-extinction * FLIGHT_DEPTHS_MM[bin - 1]).exp(),
+            _ => 0.0,
+        };
+        let albedo = f64::from(sigma_s) / extinction;
+        let masses = std::array::from_fn(|bin| (albedo * (left(bin) - left(bin + 1))) as f32);
+        FirstFlight { masses, ..FirstFlight::default() }
+    }
+
     #[test]
     fn brighter_material_is_predicted_brighter() {
         let TrainedNetwork { weights, provenance } = shipped().unwrap();
@@ -53,7 +68,8 @@ mod tests {
             let media = [[2.0, 4.0], [5.9, 0.1], [5.995, 0.005]];
             let mut out = [0.0; 3];
             let stencils: Vec<f32> = media.iter().flat_map(|&[s, a]| half_space(s, a)).collect();
-            inference.radiance(&stencils, &[], &mut out).unwrap();
+            let flights = media.map(|[s, a]| flight(s, a));
+            inference.radiance(&stencils, &flights, &mut out).unwrap();
             assert!(out[0] < 0.15 && out[1] > out[0] + 0.1 && out[2] > out[1] + 0.1, "{out:?}");
             assert!(out[2] < 1.05, "{out:?}");
         }

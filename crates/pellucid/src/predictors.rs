@@ -6,7 +6,7 @@ use std::sync::Arc;
 use pellucid_predict::PredictError;
 use pellucid_predict::{MonteCarlo, Predictor};
 
-use crate::{PredictorKind, PrintError, PrintSettings};
+use crate::{PredictorKind, PrintError, PrintSettings, StrategyKind};
 
 /// The path tracer with `spp` paths a point and channel.
 pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCarlo, PrintError> {
@@ -20,10 +20,23 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
 /// The predictor that settings name; the path tracer where an object has to decide.
 pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
     let tracer = monte_carlo(settings, settings.spp)?;
-    match settings.predictor {
-        PredictorKind::MonteCarlo | PredictorKind::Auto => Ok(Arc::new(tracer)),
-        PredictorKind::Rpnn => corrected(settings, tracer),
+    match (settings.predictor, settings.strategy) {
+        (PredictorKind::Rpnn, _) => corrected(settings, tracer),
+        (_, StrategyKind::SurfaceFirst) => Ok(Arc::new(tracer)),
+        (_, StrategyKind::Descent) if std::env::var("GRAD").is_ok() => Ok(Arc::new(tracer)),
+        (_, StrategyKind::Descent) => by_network(settings, tracer),
     }
+}
+
+/// The values of paths with the network's gradient.
+#[cfg(feature = "rpnn")]
+fn by_network(settings: &PrintSettings, tracer: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
+    Ok(Arc::new(pellucid_predict::WithGradient::new(tracer, network(settings)?)))
+}
+
+#[cfg(not(feature = "rpnn"))]
+fn by_network(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
+    Err(no_network("descent needs the network's gradient; build with the feature \"weights\""))
 }
 
 #[cfg(feature = "rpnn")]

@@ -117,7 +117,7 @@ impl Weights {
         let t = 1.0 - 0.17 * wave(hue - 30.0) + 0.24 * wave(2.0 * hue) + 0.32 * wave(3.0 * hue + 6.0)
             - 0.2 * wave(4.0 * hue - 63.0);
         let middle = (l - 50.0).powi(2);
-        let lightness = 1.0 / (1.0 + 0.015 * middle / (20.0 + middle).sqrt());
+        let lightness = (1.0 + 0.015 * middle / (20.0 + middle).sqrt()).powf(-std::env::var("FL").map_or(1.0, |v| v.parse().unwrap()));
         let of = |spread: f32| spread.powf(-self.forgiveness);
         let (along, across) = (of(1.0 + 0.045 * chroma), of(1.0 + 0.015 * chroma * t));
         [lightness, along * cos, along * sin, -across * sin, across * cos]

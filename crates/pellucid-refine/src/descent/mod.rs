@@ -27,9 +27,9 @@ const FINE_WEIGHT: f32 = 0.25;
 const REFRESH: u32 = 6;
 /// Derivatives are smoothed over the surface by a Gaussian of so many mm.
 const GRADIENT_MM: f64 = 0.045;
-/// The refinement has settled when the last steps lowered the loss by less than this part.
-const SETTLED: f64 = 0.01;
-/// How many steps are looked back at.
+/// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
+/// before them.
+const SETTLED: f64 = 0.005;
 const LOOK_BACK: usize = 6;
 
 /// Gradient descent on a perceptual loss, with the halftone inside the loop: the derivative at the labels is taken for
@@ -227,7 +227,8 @@ fn dot(a: &[f32; 3], b: &[f32; 3]) -> f64 {
 
 /// True when the last steps hardly lowered the loss.
 fn settled(losses: &[f64]) -> bool {
-    let Some(split) = losses.len().checked_sub(LOOK_BACK).filter(|&n| n > 0) else { return false };
-    let least = |losses: &[f64]| losses.iter().copied().fold(f64::INFINITY, f64::min);
-    least(&losses[split..]) > (1.0 - SETTLED) * least(&losses[..split])
+    let Some(before) = losses.len().checked_sub(2 * LOOK_BACK) else { return false };
+    let sum = |losses: &[f64]| losses.iter().sum::<f64>();
+    let (earlier, later) = losses[before..].split_at(LOOK_BACK);
+    sum(later) > (1.0 - SETTLED) * sum(earlier)
 }

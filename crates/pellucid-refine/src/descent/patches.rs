@@ -7,15 +7,15 @@ use serde::{Deserialize, Serialize};
 
 /// Edge in mm of the cubes that cut the surface into patches.
 const EDGE_MM: f64 = 1.0;
-/// Step length at first, of the one that a quadratic bound of the loss makes safe.
-const FIRST: f32 = 2.0;
-/// Step lengths stay within these.
-const RANGE: [f32; 2] = [0.02, 8.0];
-/// How much a step grows after one that lowered the loss, and shrinks after one that raised it.
-const GROWTH: f32 = 1.15;
+/// Step length at first, of the one that a quadratic bound of the loss makes safe if all inks moved at once.
+const FIRST: f32 = 3.0;
+/// The shortest step.
+const LEAST: f32 = 0.05;
+/// How much a step shrinks where the loss rose, and grows again, up to the first, where it did not.
 const SHRINKAGE: f32 = 0.5;
-/// A loss that rose by less may have done so by the prediction's noise.
-const NOISE: f32 = 0.01;
+const GROWTH: f32 = 1.1;
+/// A loss above the least so far by less than this part may be so by the prediction's noise.
+const NOISE: f32 = 0.3;
 
 /// Which patch each surface voxel lies in.
 pub(super) struct Patches {
@@ -28,8 +28,10 @@ pub(super) struct Patches {
 pub(super) struct Patch {
     /// Step length.
     pub length: f32,
-    /// Sum of its points' losses before the last step.
+    /// Sum of its points' losses when last seen.
     pub loss: f32,
+    /// The least so far.
+    pub least: f32,
     /// The last step raised the loss.
     pub rose: bool,
 }
@@ -58,15 +60,17 @@ impl Patches {
         let mut sums = vec![0.0f64; self.count];
         self.of.iter().zip(losses).for_each(|(&patch, &loss)| sums[patch as usize] += f64::from(loss));
         if known.is_empty() {
-            *known = sums.iter().map(|&s| Patch { length: FIRST, loss: s as f32, rose: false }).collect();
+            let first = |&s: &f64| Patch { length: FIRST, loss: s as f32, least: s as f32, rose: false };
+            *known = sums.iter().map(first).collect();
             return;
         }
         for (patch, sum) in known.iter_mut().zip(sums) {
             let loss = sum as f32;
-            patch.rose = loss > patch.loss * (1.0 + NOISE);
+            patch.rose = loss > patch.loss && loss > patch.least * (1.0 + NOISE);
             let factor = if patch.rose { SHRINKAGE } else { GROWTH };
-            patch.length = (patch.length * factor).clamp(RANGE[0], RANGE[1]);
+            patch.length = (patch.length * factor).clamp(LEAST, FIRST);
             patch.loss = loss;
+            patch.least = patch.least.min(loss);
         }
     }
 }
@@ -87,14 +91,16 @@ mod tests {
         let mut known = Vec::new();
         patches.judge(&mut known, &losses([1.0; 3]));
         assert!(known.iter().all(|p| p.length == FIRST && !p.rose));
-        patches.judge(&mut known, &losses([0.5, 1.5, 1.001]));
-        let lengths: Vec<f32> = known.iter().map(|p| p.length).collect();
-        assert_eq!(lengths, [FIRST * GROWTH, FIRST * SHRINKAGE, FIRST * GROWTH]);
+        patches.judge(&mut known, &losses([0.5, 1.5, 1.2]));
+        let lengths = |known: &[Patch]| known.iter().map(|p| p.length).collect::<Vec<_>>();
+        assert_eq!(lengths(&known), [FIRST, FIRST * SHRINKAGE, FIRST]);
         assert_eq!(known.iter().map(|p| p.rose).collect::<Vec<_>>(), [false, true, false]);
-        for _ in 0..100 {
-            let worse = losses([0.1, known[1].loss * 2.0 / 200.0, 1.0]);
-            patches.judge(&mut known, &worse);
+        // It lies above the least, but falls.
+        patches.judge(&mut known, &losses([0.7, 1.4, 1.0]));
+        assert_eq!(lengths(&known), [FIRST * SHRINKAGE, FIRST * SHRINKAGE * GROWTH, FIRST]);
+        for i in 0..100 {
+            patches.judge(&mut known, &losses([0.1, 2.0 + i as f32, 1.0]));
         }
-        assert!(known.iter().all(|p| (RANGE[0]..=RANGE[1]).contains(&p.length)));
+        assert_eq!(lengths(&known), [FIRST, LEAST, FIRST]);
     }
 }

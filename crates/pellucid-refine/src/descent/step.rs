@@ -11,6 +11,8 @@ use crate::problem::MAX_LABELS;
 
 /// Inks that are smoothed together.
 const TOGETHER: usize = 4;
+/// Steps after which lengths are half of the first: what is left is smaller, and noise averages out.
+const DECAY: f32 = 10.0;
 /// The most that a share changes in a step.
 const MOST: f32 = 0.25;
 
@@ -28,6 +30,7 @@ pub(super) fn take(
     let row = cells.row();
     let most = state.most_curvature;
     let known = &state.patches;
+    let shorter = 1.0 + state.steps as f32 / DECAY;
     let moved: Vec<f64> = state
         .inks
         .par_chunks_exact_mut(row)
@@ -36,6 +39,7 @@ pub(super) fn take(
         .enumerate()
         .map(|(point, ((inks, moves), (curvatures, gradient)))| {
             let patch = known[patches.of(point)];
+            let length = patch.length / shorter;
             let momentum = if patch.rose { 0.0 } else { descent.momentum };
             let mut total = 0.0;
             for layer in 0..cells.layers {
@@ -44,7 +48,7 @@ pub(super) fn take(
                 let (own, last) = (&mut inks[at.clone()], &mut moves[at.clone()]);
                 for (i, k) in at.enumerate() {
                     let curvature = DescentState::curvature(most, curvatures[k]).max(f32::MIN_POSITIVE);
-                    let step = momentum * f32::from(last[i]) / MOVE - patch.length * gradient[k] / curvature;
+                    let step = momentum * f32::from(last[i]) / MOVE - length * gradient[k] / curvature;
                     wanted[i] = f32::from(own[i]) / WHOLE + step.clamp(-MOST, MOST);
                 }
                 project(&mut wanted[..cells.inks]);

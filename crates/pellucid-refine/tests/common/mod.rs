@@ -6,7 +6,9 @@ use std::sync::Mutex;
 
 use pellucid_color::{MediaWhite, Viewing};
 use pellucid_core::random::{Domain, uniform};
-use pellucid_predict::{BoundPredictor, Changed, Diagnostics, Draw, Learned, Object, Pass, PredictError};
+use pellucid_predict::{
+    BoundPredictor, Changed, Diagnostics, Draw, Learned, MaterialGradient, Object, Pass, PredictError,
+};
 use pellucid_refine::{InkModel, Problem};
 use pellucid_voxel::{
     Control, Frame, LabelGrid, Material, MaterialTable, NearestSurface, Pitch, Surface, SurfaceOptions, Tile,
@@ -165,23 +167,34 @@ impl Blur {
     }
 
     fn value(&self, labels: &LabelGrid, voxel: [u32; 3], c: usize) -> f64 {
-        let [x, y, z] = voxel.map(i64::from);
-        let up = if 2 * voxel[2] < labels.size()[2] { 1 } else { -1 };
         let (mut sum, mut total) = (0.0, 0.0);
-        for dz in 0..24 {
-            for dx in -self.reach..=self.reach {
-                let label = labels.at([x + dx, y, z + up * dz]);
-                if label == 0 {
-                    continue;
-                }
-                let weight = (-(dz as f64) / self.depth).exp() / (1.0 + dx.abs() as f64);
-                sum += weight * if usize::from(label) == c + 1 { 1.0 - f64::from(TAKES[c]) } else { 1.0 };
-                total += weight;
-            }
-        }
+        self.each(labels, voxel, |_, label, weight| {
+            sum += weight * left(label, c);
+            total += weight;
+        });
         // Light meets ink several times on its way: mixtures look darker than their mean.
         (sum / total).powf(1.6)
     }
+
+    /// Visits the solid voxels about one: position, label, weight.
+    fn each(&self, labels: &LabelGrid, voxel: [u32; 3], mut visit: impl FnMut([i64; 3], u8, f64)) {
+        let [x, y, z] = voxel.map(i64::from);
+        let up = if 2 * voxel[2] < labels.size()[2] { 1 } else { -1 };
+        for dz in 0..24 {
+            for dx in -self.reach..=self.reach {
+                let at = [x + dx, y, z + up * dz];
+                let label = labels.at(at);
+                if label != 0 {
+                    visit(at, label, (-(dz as f64) / self.depth).exp() / (1.0 + dx.abs() as f64));
+                }
+            }
+        }
+    }
+}
+
+/// What a voxel of a label leaves of a channel.
+fn left(label: u8, c: usize) -> f64 {
+    if usize::from(label) == c + 1 { 1.0 - f64::from(TAKES[c]) } else { 1.0 }
 }
 
 impl BoundPredictor for Blur {
@@ -254,6 +267,34 @@ impl BoundPredictor for Blur {
             };
         }
         Ok(diagnostics)
+    }
+
+    fn pullback(
+        &self,
+        points: &[u32],
+        _: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        let labels = self.labels.as_ref().ok_or_else(|| PredictError::invalid("labels", "none yet"))?;
+        let channels = self.object.channels();
+        for (&p, d) in points.iter().zip(d_radiance.chunks_exact(channels)) {
+            control.check()?;
+            let voxel = self.object.surface().voxels()[p as usize];
+            for c in 0..3 {
+                let d: f64 = (0..channels).filter(|&k| band(k, channels) == c).map(|k| f64::from(d[k])).sum();
+                let mut total = 0.0;
+                self.each(labels, voxel, |_, _, weight| total += weight);
+                let slope = d * MEDIA_WHITE[c] * 1.6 * self.value(labels, voxel, c).powf(0.6 / 1.6) / total;
+                self.each(labels, voxel, |at, _, weight| {
+                    for label in [1, 2, 3, WHITE] {
+                        out.add(at.map(|v| v as u32), label, (slope * weight * left(label, c)) as f32);
+                    }
+                });
+            }
+        }
+        Ok(())
     }
 
     fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {

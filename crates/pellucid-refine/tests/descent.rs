@@ -1,0 +1,155 @@
+//! Descent on a small slab whose predictor sees sideways.
+
+mod common;
+
+use common::{Blur, Slab};
+use pellucid_predict::{BoundPredictor, Changed, Diagnostics, Draw, PredictError};
+use pellucid_refine::{
+    Descent, DescentState, RefineError, RefineReport, RefineSettings, Refinement, Saved, Strategy,
+    SurfaceFirst, refine,
+};
+use pellucid_voxel::{Control, LabelGrid};
+
+const BLUE: [f32; 3] = [0.3, 0.35, 0.8];
+const YELLOW: [f32; 3] = [0.9, 0.8, 0.45];
+
+fn settings(iterations: u32) -> RefineSettings {
+    RefineSettings { iterations, coloured_depth_mm: 0.6, residual_blur_mm: 0.06, ..RefineSettings::default() }
+}
+
+/// Yellow between blue lines, which take its red and green away.
+fn keys() -> Slab {
+    Slab::small().towards(|[x, ..]| if x / 4 % 2 == 0 { YELLOW } else { BLUE })
+}
+
+fn run(strategy: impl Strategy, iterations: u32) -> (RefineReport, LabelGrid) {
+    let slab = keys();
+    let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+    let refined =
+        refine(&mut labels, slab.problem(), strategy, settings(iterations), &mut bound, &Control::none())
+            .unwrap();
+    (refined.report, labels)
+}
+
+fn descent() -> Descent {
+    Descent { opening_steps: 3, ..Descent::default() }
+}
+
+#[test]
+fn what_neighbours_are_to_blame_for_is_cured() {
+    let (heuristic, _) = run(SurfaceFirst::default(), 16);
+    let (report, _) = run(descent(), 40);
+    let least = |report: &RefineReport| report.best_iteration().unwrap().smoothed.mean;
+    assert!(least(&report) < 0.8 * least(&heuristic), "{} {}", least(&report), least(&heuristic));
+    // The opening is the heuristic, and from there on the loss falls.
+    for (a, b) in report.iterations.iter().zip(&heuristic.iterations).take(4) {
+        assert_eq!((a.smoothed, a.label_flips), (b.smoothed, b.label_flips));
+    }
+    let losses: Vec<f64> = report.iterations.iter().filter_map(|i| i.loss).collect();
+    assert!(losses.len() + 4 >= report.iterations.len() && losses.iter().all(|l| l.is_finite()));
+    let least = losses.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(least < 0.7 * losses[0], "{losses:?}");
+    assert!(report.iterations.iter().filter_map(|i| i.step).all(|s| s > 0.0 && s < 0.25));
+}
+
+#[test]
+fn it_stops_by_itself_when_nothing_is_gained() {
+    let (report, _) = run(descent(), 400);
+    assert!(report.settled && report.iterations.len() < 200, "{}", report.iterations.len());
+    let (few, _) = run(descent(), 6);
+    assert!(!few.settled && few.iterations.len() == 7);
+}
+
+#[test]
+fn labels_do_not_depend_on_threads() {
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(descent(), 10))
+    };
+    let ((one, a), (three, b)) = (with(1), with(3));
+    assert!(a == b);
+    let of = |r: &RefineReport| r.iterations.iter().map(|i| (i.smoothed, i.loss, i.step)).collect::<Vec<_>>();
+    assert_eq!(of(&one), of(&three));
+}
+
+#[test]
+fn a_job_resumed_after_any_step_ends_as_one_that_was_not() {
+    let slab = keys();
+    let (whole, whole_labels) = run(descent(), 9);
+    for stop in [2, 4, 5, 8] {
+        let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+        let mut first = Refinement::new(slab.problem(), descent(), settings(9), &Control::none()).unwrap();
+        for _ in 0..stop {
+            first.step(&mut labels, &mut bound, &Control::none()).unwrap();
+        }
+        let bytes = first.save().to_bytes().unwrap();
+        let saved = Saved::<DescentState>::from_bytes(&bytes).unwrap();
+        let mut second =
+            Refinement::resume(slab.problem(), descent(), settings(9), saved, &Control::none()).unwrap();
+        let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+        while !second.is_finished() {
+            second.step(&mut labels, &mut bound, &Control::none()).unwrap();
+        }
+        let refined = second.finish(&mut labels, &Control::none()).unwrap();
+        assert!(labels == whole_labels, "{stop}");
+        assert_eq!(refined.report.best, whole.best);
+    }
+}
+
+#[test]
+fn a_damaged_state_and_settings_out_of_range_are_named() {
+    let slab = keys();
+    let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+    let mut refinement = Refinement::new(slab.problem(), descent(), settings(9), &Control::none()).unwrap();
+    for _ in 0..5 {
+        refinement.step(&mut labels, &mut bound, &Control::none()).unwrap();
+    }
+    let mut json: serde_json::Value = serde_json::to_value(refinement.save().state).unwrap();
+    json["inks"] = json["moves"].clone();
+    let mut saved = refinement.save();
+    saved.state = serde_json::from_value(json).unwrap();
+    let error =
+        Refinement::resume(slab.problem(), descent(), settings(9), saved, &Control::none()).err().unwrap();
+    assert!(matches!(error, RefineError::Invalid(_)) && error.to_string().contains("mixture"), "{error}");
+
+    for (field, strategy) in [
+        ("momentum", Descent { momentum: 1.0, ..descent() }),
+        ("forgiveness", Descent { forgiveness: -0.1, ..descent() }),
+        ("opening_steps", Descent { opening_steps: 101, ..descent() }),
+    ] {
+        let error = Refinement::new(slab.problem(), strategy, settings(1), &Control::none()).err().unwrap();
+        assert!(error.to_string().contains(field), "{error}");
+    }
+}
+
+/// A predictor without a gradient.
+struct Without(Blur);
+
+impl BoundPredictor for Without {
+    fn update(
+        &mut self,
+        labels: &LabelGrid,
+        changed: Changed<'_>,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        self.0.update(labels, changed, control)
+    }
+    fn predict(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        out: &mut [f32],
+        control: &Control<'_>,
+    ) -> Result<Diagnostics, PredictError> {
+        self.0.predict(points, draw, out, control)
+    }
+}
+
+#[test]
+fn a_predictor_without_gradient_is_named() {
+    let slab = keys();
+    let (mut labels, mut bound) = (slab.solid.clone(), Without(slab.blur()));
+    let found = refine(&mut labels, slab.problem(), descent(), settings(9), &mut bound, &Control::none());
+    let error = found.err().unwrap();
+    assert!(matches!(error, RefineError::Predict { .. }), "{error:?}");
+}
