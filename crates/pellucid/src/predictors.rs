@@ -23,7 +23,6 @@ pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, 
     match (settings.predictor, settings.strategy) {
         (PredictorKind::Rpnn, _) => corrected(settings, tracer),
         (_, StrategyKind::SurfaceFirst) => Ok(Arc::new(tracer)),
-        (_, StrategyKind::Descent) if std::env::var("GRAD").is_ok() => Ok(Arc::new(tracer)),
         (_, StrategyKind::Descent) => by_network(settings, tracer),
     }
 }

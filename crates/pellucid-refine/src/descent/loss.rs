@@ -107,20 +107,19 @@ impl<'a> Scale<'a> {
 }
 
 impl Weights {
-    /// Weights of L*, and of a* and b* turned into chroma and hue, at an aim: those of CIEDE2000 (Sharma et al. 2005)
-    /// but for its rotation of blues.
-    fn rows(self, [l, a, b]: [f32; 3]) -> [f32; 5] {
+    /// Weights of L*, and of a* and b* turned into chroma and hue, at an aim: S_C and S_H of CIEDE2000 (Sharma et al.
+    /// 2005), to a power. Its S_L, which forgives lightness far from the middle, is left out: with it the mean CIEDE2000
+    /// itself ends higher.
+    fn rows(self, [_, a, b]: [f32; 3]) -> [f32; 5] {
         let chroma = a.hypot(b);
         let (sin, cos) = if chroma > 1e-3 { (b / chroma, a / chroma) } else { (0.0, 1.0) };
         let hue = b.atan2(a).to_degrees();
         let wave = |degrees: f32| degrees.to_radians().cos();
         let t = 1.0 - 0.17 * wave(hue - 30.0) + 0.24 * wave(2.0 * hue) + 0.32 * wave(3.0 * hue + 6.0)
             - 0.2 * wave(4.0 * hue - 63.0);
-        let middle = (l - 50.0).powi(2);
-        let lightness = (1.0 + 0.015 * middle / (20.0 + middle).sqrt()).powf(-std::env::var("FL").map_or(1.0, |v| v.parse().unwrap()));
         let of = |spread: f32| spread.powf(-self.forgiveness);
         let (along, across) = (of(1.0 + 0.045 * chroma), of(1.0 + 0.015 * chroma * t));
-        [lightness, along * cos, along * sin, -across * sin, across * cos]
+        [1.0, along * cos, along * sin, -across * sin, across * cos]
     }
 }
 

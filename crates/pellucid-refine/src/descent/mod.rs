@@ -54,7 +54,7 @@ pub struct Descent {
 
 impl Default for Descent {
     fn default() -> Self {
-        Self { opening: SurfaceFirst::default(), opening_steps: 5, momentum: 0.7, forgiveness: 0.75 }
+        Self { opening: SurfaceFirst::default(), opening_steps: 5, momentum: 0.7, forgiveness: 0.5 }
     }
 }
 
