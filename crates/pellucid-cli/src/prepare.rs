@@ -10,7 +10,8 @@ use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
 use pellucid::predict::NetworkDevice;
 use pellucid::stage::{Observer, Stage};
 use pellucid::{
-    ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record, Workspace,
+    ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record, StrategyKind,
+    Workspace,
 };
 
 use crate::progress::{Bars, peak_memory_bytes};
@@ -50,6 +51,9 @@ pub struct Args {
     /// Appearance predictor of the refinement; mc without it
     #[arg(long, value_enum)]
     predictor: Option<Predictor>,
+    /// How materials are rearranged; surface-first without it
+    #[arg(long, value_enum)]
+    strategy: Option<Strategy>,
     /// Weights of the network, made by `pellucid train`; those the program carries without it
     #[arg(long, value_name = "FILE")]
     weights: Option<PathBuf>,
@@ -90,6 +94,14 @@ enum Predictor {
     Rpnn,
     /// Whichever is ahead on the object at hand, by trial
     Auto,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Strategy {
+    /// Correct each surface voxel's own column, from the surface down
+    SurfaceFirst,
+    /// Follow the derivatives of a perceptual loss by the materials of every voxel
+    Descent,
 }
 
 fn device(name: &str) -> Result<NetworkDevice, String> {
@@ -154,6 +166,12 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
             Predictor::Mc => PredictorKind::MonteCarlo,
             Predictor::Rpnn => PredictorKind::Rpnn,
             Predictor::Auto => PredictorKind::Auto,
+        };
+    }
+    if let Some(strategy) = args.strategy {
+        settings.strategy = match strategy {
+            Strategy::SurfaceFirst => StrategyKind::SurfaceFirst,
+            Strategy::Descent => StrategyKind::Descent,
         };
     }
     if let Some(file) = &args.weights {

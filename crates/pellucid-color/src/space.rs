@@ -128,6 +128,10 @@ fn lab_curve(t: f64) -> f64 {
     if t > LAB_EPSILON { t.cbrt() } else { (LAB_KAPPA * t + 16.0) / 116.0 }
 }
 
+fn lab_curve_slope(t: f64) -> f64 {
+    if t > LAB_EPSILON { t.cbrt().powi(-2) / 3.0 } else { LAB_KAPPA / 116.0 }
+}
+
 fn lab_curve_inverse(f: f64) -> f64 {
     let cube = f * f * f;
     if cube > LAB_EPSILON { cube } else { (116.0 * f - 16.0) / LAB_KAPPA }
@@ -280,9 +284,51 @@ pub fn lab_of_linear_rgb(rgb: &[[f32; 3]], out: &mut [[f32; 3]]) {
     }
 }
 
+/// Derivatives of L\*, a\* and b\* (rows) by linear Rec.709 red, green and blue (columns) at a colour.
+///
+/// ```
+/// use pellucid_color::space::lab_derivative_of_linear_rgb;
+/// // More of all three is lighter, of green alone greener.
+/// let d = lab_derivative_of_linear_rgb([0.4; 3]);
+/// assert!(d[0].iter().sum::<f32>() > 0.0 && d[1][1] < 0.0);
+/// ```
+pub fn lab_derivative_of_linear_rgb(rgb: [f32; 3]) -> [[f32; 3]; 3] {
+    let white = [Xyz::D65.x, Xyz::D65.y, Xyz::D65.z];
+    let xyz = apply(&TO_XYZ, rgb.map(f64::from));
+    let slope: [f64; 3] = std::array::from_fn(|k| lab_curve_slope(xyz[k] / white[k]) / white[k]);
+    let [x, y, z]: [[f64; 3]; 3] = std::array::from_fn(|k| TO_XYZ[k].map(|m| m * slope[k]));
+    std::array::from_fn(|row| {
+        std::array::from_fn(|c| match row {
+            0 => (116.0 * y[c]) as f32,
+            1 => (500.0 * (x[c] - y[c])) as f32,
+            _ => (200.0 * (y[c] - z[c])) as f32,
+        })
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn derivatives_of_lab_are_its_differences() {
+        for rgb in [[0.5, 0.2, 0.7], [0.001, 0.0, 0.002], [0.9, 0.95, 0.05], [1.2, 0.4, 0.0]] {
+            let found = lab_derivative_of_linear_rgb(rgb.map(|v: f64| v as f32));
+            for c in 0..3 {
+                let moved = |by: f64| {
+                    let mut rgb = rgb;
+                    rgb[c] += by;
+                    let lab = Lab::from_linear_rgb(rgb);
+                    [lab.l, lab.a, lab.b]
+                };
+                let (up, down) = (moved(1e-6), moved(-1e-6));
+                for row in 0..3 {
+                    let expected = (up[row] - down[row]) / 2e-6;
+                    assert!((f64::from(found[row][c]) - expected).abs() < 1e-4 * (1.0 + expected.abs()));
+                }
+            }
+        }
+    }
 
     fn multiply(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))

@@ -134,6 +134,8 @@ pub enum Pass {
     Proof,
     /// The comparison that predictors are tried against.
     Trial,
+    /// Derivatives in an iteration of a refinement; below 2^30.
+    Gradient(u32),
 }
 
 impl Pass {
@@ -144,6 +146,7 @@ impl Pass {
             Self::Judge(part) => 0x4000_0000 | (part & 0xffff),
             Self::Proof => 0x4001_0000,
             Self::Trial => 0x4001_0001,
+            Self::Gradient(iteration) => 0x8000_0000 | (iteration & 0x3fff_ffff),
         }
     }
 }

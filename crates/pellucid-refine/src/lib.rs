@@ -57,6 +57,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod descent;
 mod difference;
 mod error;
 mod gamut_ink;
@@ -74,6 +75,7 @@ mod smoothing;
 mod strategy;
 mod surface_first;
 
+pub use descent::{Descent, DescentState};
 pub use error::RefineError;
 pub use gamut_ink::GamutInk;
 pub use ink::InkModel;
@@ -87,5 +89,5 @@ pub use report::{IterationReport, RefineReport};
 pub use saved::Saved;
 pub use settings::RefineSettings;
 pub use smoothing::SurfaceSmoother;
-pub use strategy::{Cell, LayerMixtures, Mixtures, Planned, Seen, Setup, Strategy};
+pub use strategy::{Cell, LayerMixtures, Mixtures, Moved, Planned, Seen, Setup, Strategy};
 pub use surface_first::{SurfaceFirst, SurfaceFirstState};

@@ -47,6 +47,34 @@ fn values<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<
     Ok(values.to_vec())
 }
 
+macro_rules! whole_numbers {
+    ($name:ident, $type:ty, $bytes:literal, $what:literal) => {
+        #[doc = concat!("The same of ", $what, ".")]
+        pub(crate) mod $name {
+            use super::*;
+
+            pub(crate) fn serialize<S: Serializer>(
+                values: &[$type],
+                serializer: S,
+            ) -> Result<S::Ok, S::Error> {
+                let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+                serializer.serialize_str(&STANDARD.encode(bytes))
+            }
+
+            pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+                deserializer: D,
+            ) -> Result<Vec<$type>, D::Error> {
+                let values = values::<D, $bytes>(deserializer)?;
+                Ok(values.into_iter().map(<$type>::from_le_bytes).collect())
+            }
+        }
+    };
+}
+
+whole_numbers!(bytes, u8, 1, "bytes");
+whole_numbers!(words, u16, 2, "shares");
+whole_numbers!(moves, i16, 2, "moves");
+
 /// The same of what a predictor learned, whose values are f64.
 pub(crate) mod learned {
     use pellucid_predict::Learned;

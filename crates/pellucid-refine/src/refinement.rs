@@ -12,7 +12,7 @@ use crate::difference::{differences, lab_of};
 use crate::halftone::{Changes, halftone};
 use crate::layers::Layers;
 use crate::{
-    IterationReport, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
+    IterationReport, Moved, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
     Strategy, SurfaceSmoother,
 };
 
@@ -138,9 +138,9 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         self.iteration
     }
 
-    /// True when all iterations are done.
+    /// True when all iterations are done, or the strategy has settled.
     pub fn is_finished(&self) -> bool {
-        self.iteration > self.settings.iterations
+        self.iteration > self.settings.iterations || self.report.settled
     }
 
     /// What happened so far.
@@ -216,26 +216,31 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         (report.halftone_seconds, report.predict_seconds) = (halftone_seconds, predict_seconds);
         report.count(&changes, &diagnostics);
 
-        let next = if iteration < self.settings.iterations {
+        let start = Instant::now();
+        let (next, moved) = if iteration < self.settings.iterations {
             let mut next = self.state.clone();
             let seen = Seen {
                 iteration,
                 radiance: &shown.radiance,
                 shown: &shown.shown,
                 smoothed: &shown.smoothed,
+                smoother: &self.smoother,
                 overflow: &overflow,
                 labels,
                 bound: &*bound,
                 draw: self.draw(iteration),
             };
-            self.strategy.update(&self.setup, &mut next, &seen, &control.silent())?;
-            Some(next)
+            let moved = self.strategy.update(&self.setup, &mut next, &seen, &control.silent())?;
+            (Some(next), moved)
         } else {
-            None
+            (None, Moved::default())
         };
+        report.update_seconds = start.elapsed().as_secs_f64();
+        (report.loss, report.step) = (moved.loss, moved.step);
         // The last that can fail: a pass is taken in once, and what follows completes the step.
         bound.absorb(&diagnostics.learned).map_err(|e| RefineError::predict(iteration, e))?;
         self.memory = bound.memory();
+        self.report.settled = moved.settled;
         Ok(self.complete(report, next))
     }
 

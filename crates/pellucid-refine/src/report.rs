@@ -31,6 +31,12 @@ pub struct IterationReport {
     pub halftone_seconds: f64,
     /// Seconds spent in the predictor.
     pub predict_seconds: f64,
+    /// Seconds spent on the next state, derivatives included.
+    pub update_seconds: f64,
+    /// What the strategy lowers, where it says so.
+    pub loss: Option<f64>,
+    /// Mean change of what it moved next, where it says so.
+    pub step: Option<f64>,
 }
 
 /// The whole refinement.
@@ -44,6 +50,8 @@ pub struct RefineReport {
     pub iterations: Vec<IterationReport>,
     /// The iteration whose labels are kept: least mean of [`IterationReport::smoothed`].
     pub best: u32,
+    /// The strategy ended the refinement before its iterations were done: nothing was to be gained.
+    pub settled: bool,
     /// Surface voxels in all.
     pub surface_voxels: u64,
     /// Share of surface voxels whose target had to be mapped by more than one CIEDE2000 unit.

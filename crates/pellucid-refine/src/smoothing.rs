@@ -111,58 +111,81 @@ impl SurfaceSmoother {
         Ok(Self { passes, pass_variance, neighbours, weights: kernel.weights })
     }
 
-    /// Smooths one colour a surface voxel by the Gaussian that this was prepared for. Passes are cut at two deviations,
+    /// Smooths one row of values a surface voxel by the Gaussian that this was prepared for. Passes are cut at two deviations,
     /// so that a Gaussian of several comes out up to a fifth narrower than it is named. Progress counts passes.
     ///
     /// # Errors
     /// [`Cancelled`].
-    pub fn smooth(&self, values: Vec<[f32; 3]>, control: &Control<'_>) -> Result<Vec<[f32; 3]>, Cancelled> {
+    pub fn smooth<const N: usize>(
+        &self,
+        values: Vec<[f32; N]>,
+        control: &Control<'_>,
+    ) -> Result<Vec<[f32; N]>, Cancelled> {
         self.run(values, self.passes, 1.0, control)
     }
 
-    /// Smooths colours that were smoothed by a Gaussian of `from_mm` further to one of `to_mm`, exact in variance in the
+    /// Smooths rows that were smoothed by a Gaussian of `from_mm` further to one of `to_mm`, exact in variance in the
     /// mean over the faces of a block. Nothing changes when `to_mm` is not greater.
     ///
     /// # Errors
     /// [`Cancelled`].
-    pub fn widen(
+    pub fn widen<const N: usize>(
         &self,
-        values: Vec<[f32; 3]>,
+        values: Vec<[f32; N]>,
         from_mm: f64,
         to_mm: f64,
         control: &Control<'_>,
-    ) -> Result<Vec<[f32; 3]>, Cancelled> {
+    ) -> Result<Vec<[f32; N]>, Cancelled> {
         let variance = (to_mm * to_mm - from_mm * from_mm).max(0.0);
         let passes = (variance / self.pass_variance).ceil();
         let share = variance / (passes.max(1.0) * self.pass_variance);
         self.run(values, passes as u32, share as f32, control)
     }
 
-    fn run(
+    /// The transpose of [`SurfaceSmoother::smooth`]: of derivatives by smoothed values it makes those by the values.
+    /// Rows may be of any length.
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn transposed<const N: usize>(
         &self,
-        mut values: Vec<[f32; 3]>,
+        mut values: Vec<[f32; N]>,
+        control: &Control<'_>,
+    ) -> Result<Vec<[f32; N]>, Cancelled> {
+        if self.neighbours.ends.is_empty() {
+            return Ok(values);
+        }
+        // Lists and weights are symmetric: of a pass, only the division by the sum of weights changes sides.
+        let totals: Vec<f32> = (0..values.len()).into_par_iter().map(|point| self.total(point)).collect();
+        let mut next = vec![[0.0; N]; values.len()];
+        for _ in 0..self.passes {
+            values.par_iter_mut().zip(&totals).for_each(|(v, total)| v.iter_mut().for_each(|v| *v /= total));
+            self.each(&mut next, control, |point| self.sum(point, &values))?;
+            std::mem::swap(&mut values, &mut next);
+        }
+        Ok(values)
+    }
+
+    fn run<const N: usize>(
+        &self,
+        mut values: Vec<[f32; N]>,
         passes: u32,
         share: f32,
         control: &Control<'_>,
-    ) -> Result<Vec<[f32; 3]>, Cancelled> {
+    ) -> Result<Vec<[f32; N]>, Cancelled> {
         if self.neighbours.ends.is_empty() || passes == 0 {
             return Ok(values);
         }
-        let mut next = vec![[0.0; 3]; values.len()];
+        let mut next = vec![[0.0; N]; values.len()];
         for pass in 0..passes {
-            let chunks = next.par_chunks_mut(CHUNK).enumerate();
-            chunks.try_for_each(|(chunk, next)| {
-                control.check()?;
-                for (i, out) in next.iter_mut().enumerate() {
-                    let point = chunk * CHUNK + i;
-                    let mean = self.average(point, &values);
-                    let own = values[point];
-                    *out = match share < 1.0 {
-                        true => std::array::from_fn(|c| own[c] + share * (mean[c] - own[c])),
-                        false => mean,
-                    };
+            self.each(&mut next, control, |point| {
+                let total = self.total(point);
+                let mean = self.sum(point, &values).map(|s| s / total);
+                let own = values[point];
+                match share < 1.0 {
+                    true => std::array::from_fn(|c| own[c] + share * (mean[c] - own[c])),
+                    false => mean,
                 }
-                Ok(())
             })?;
             std::mem::swap(&mut values, &mut next);
             control.report(u64::from(pass) + 1, u64::from(passes));
@@ -170,17 +193,38 @@ impl SurfaceSmoother {
         Ok(values)
     }
 
-    fn average(&self, point: usize, values: &[[f32; 3]]) -> [f32; 3] {
+    /// Fills `out` by point.
+    fn each<T: Send>(
+        &self,
+        out: &mut [T],
+        control: &Control<'_>,
+        value: impl Fn(usize) -> T + Sync,
+    ) -> Result<(), Cancelled> {
+        out.par_chunks_mut(CHUNK).enumerate().try_for_each(|(chunk, out)| {
+            control.check()?;
+            out.iter_mut().enumerate().for_each(|(i, out)| *out = value(chunk * CHUNK + i));
+            Ok(())
+        })
+    }
+
+    /// Weighted sum over a point's neighbours.
+    fn sum<const N: usize>(&self, point: usize, values: &[[f32; N]]) -> [f32; N] {
         let Neighbours { points, offsets, .. } = &self.neighbours;
         let range = self.neighbours.range(point);
-        let mut sum = [0.0; 3];
-        let mut total = 0.0;
+        let mut sum = [0.0; N];
         for (&i, &w) in points[range.clone()].iter().zip(&offsets[range]) {
             let (value, weight) = (values[i as usize], self.weights[usize::from(w)]);
-            (0..3).for_each(|c| sum[c] += weight * value[c]);
-            total += weight;
+            (0..N).for_each(|c| sum[c] += weight * value[c]);
         }
-        sum.map(|s| s / total)
+        sum
+    }
+
+    /// Sum of the weights of a point's neighbours.
+    fn total(&self, point: usize) -> f32 {
+        self.neighbours.offsets[self.neighbours.range(point)]
+            .iter()
+            .map(|&w| self.weights[usize::from(w)])
+            .sum()
     }
 }
 
@@ -378,6 +422,25 @@ mod tests {
             .collect();
         let left = 12.0 * kept.iter().map(|v| v * v).sum::<f64>() / kept.len() as f64;
         (left, (0..2).map(|a| variance_left((sigma / pitch[a]).powi(2))).product())
+    }
+
+    #[test]
+    fn the_transpose_is_one() {
+        // A block has edges and corners, where totals differ.
+        let surface = block(Pitch::new([0.05, 0.08, 0.03]).unwrap(), [14, 11, 17]);
+        let value = |i: usize, c: u64| (uniform(5, Domain::new("transpose"), i as u64, c) - 0.3) as f32;
+        for sigma in [0.0, 0.045, 0.1] {
+            let smoother = SurfaceSmoother::new(&surface, sigma, &Control::none()).unwrap();
+            let a: Vec<[f32; 2]> = (0..surface.len()).map(|i| [value(i, 0), value(i, 1)]).collect();
+            let b: Vec<[f32; 2]> = (0..surface.len()).map(|i| [value(i, 2), value(i, 3)]).collect();
+            let smooth = smoother.smooth(a.clone(), &Control::none()).unwrap();
+            let back = smoother.transposed(b.clone(), &Control::none()).unwrap();
+            let dot = |x: &[[f32; 2]], y: &[[f32; 2]]| -> f64 {
+                x.iter().flatten().zip(y.iter().flatten()).map(|(x, y)| f64::from(x * y)).sum()
+            };
+            let (there, here) = (dot(&smooth, &b), dot(&a, &back));
+            assert!((there - here).abs() < 1e-5 * there.abs(), "{sigma}: {there} {here}");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::layers::Layers;
-use crate::{Problem, RefineError};
+use crate::{Problem, RefineError, SurfaceSmoother};
 
 /// Surface voxels that one task handles.
 const CHUNK: usize = 256;
@@ -63,7 +63,18 @@ pub trait Strategy {
         state: &mut Self::State,
         seen: &Seen<'_>,
         control: &Control<'_>,
-    ) -> Result<(), RefineError>;
+    ) -> Result<Moved, RefineError>;
+}
+
+/// What an update says of itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moved {
+    /// What the strategy lowers, of the iterate that was seen.
+    pub loss: Option<f64>,
+    /// Mean change of what it moves.
+    pub step: Option<f64>,
+    /// Nothing is to be gained by going on: the refinement ends with the iterate that was seen.
+    pub settled: bool,
 }
 
 /// What stays during a refinement.
@@ -142,6 +153,13 @@ impl LayerMixtures {
     }
 }
 
+impl LayerMixtures {
+    /// The cumulative shares, `[point][layer][label]` without the last label.
+    pub(crate) fn into_rows(self) -> Vec<u16> {
+        self.rows
+    }
+}
+
 impl Mixtures for LayerMixtures {
     fn thresholds<'r>(&'r self, cell: &Cell, _: &'r mut [u16]) -> &'r [u16] {
         let start = (cell.point as usize * self.layers + cell.layer as usize) * self.row;
@@ -160,6 +178,8 @@ pub struct Seen<'s> {
     /// The printable target less the smoothed shortfall, not below 0: what is shown, without the noise finer than
     /// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm).
     pub smoothed: &'s [[f32; 3]],
+    /// The Gaussian of [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm).
+    pub smoother: &'s SurfaceSmoother,
     /// [`Planned::overflow`] of this iterate.
     pub overflow: &'s [[f32; 3]],
     /// The iterate's labels.

@@ -1,13 +1,13 @@
 //! The heuristic of Sumin et al. 2019: corrections surface-first, overflow deeper.
 
-use pellucid_core::Control;
+use pellucid_core::{Cancelled, Control};
 use pellucid_halftone::Thresholds;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::problem::MAX_LABELS;
 use crate::settings::check_ranges;
-use crate::{InkModel, LayerMixtures, Planned, RefineError, Seen, Setup, Strategy};
+use crate::{InkModel, LayerMixtures, Moved, Planned, RefineError, Seen, Setup, Strategy};
 
 /// Ink coverage up to which highlight layers stay white, and from which they take all ink.
 const HIGHLIGHT_COVER: [f32; 2] = [0.2, 0.6];
@@ -98,10 +98,7 @@ impl Strategy for SurfaceFirst {
         state: &'s SurfaceFirstState,
         control: &Control<'_>,
     ) -> Result<Planned<'s>, RefineError> {
-        let spread = self.spread(setup, state.step);
-        let (mixtures, overflow) = LayerMixtures::fill(setup, control, |point, rows| {
-            spread.mixtures(setup, point, state.residual[point as usize], rows)
-        })?;
+        let (mixtures, overflow) = self.layer_mixtures(setup, state, control)?;
         Ok(Planned { mixtures: Box::new(mixtures), overflow })
     }
 
@@ -113,7 +110,7 @@ impl Strategy for SurfaceFirst {
         state: &mut SurfaceFirstState,
         seen: &Seen<'_>,
         _: &Control<'_>,
-    ) -> Result<(), RefineError> {
+    ) -> Result<Moved, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
         let seen = seen.smoothed.par_iter().zip(seen.overflow).zip(setup.problem.printable_target);
         state.residual.par_iter_mut().zip(seen).for_each(|(residual, ((&smoothed, overflow), &target))| {
@@ -124,11 +121,24 @@ impl Strategy for SurfaceFirst {
             }
         });
         state.step += 1;
-        Ok(())
+        Ok(Moved::default())
     }
 }
 
 impl SurfaceFirst {
+    /// The mixtures of a state, and what no layer could take.
+    pub(crate) fn layer_mixtures(
+        &self,
+        setup: &Setup<'_>,
+        state: &SurfaceFirstState,
+        control: &Control<'_>,
+    ) -> Result<(LayerMixtures, Vec<[f32; 3]>), Cancelled> {
+        let spread = self.spread(setup, state.step);
+        LayerMixtures::fill(setup, control, |point, rows| {
+            spread.mixtures(setup, point, state.residual[point as usize], rows)
+        })
+    }
+
     fn spread(&self, setup: &Setup<'_>, step: u32) -> Spread {
         let layers = &setup.layers;
         match step {

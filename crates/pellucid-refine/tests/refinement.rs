@@ -8,8 +8,8 @@ use common::{Blur, CYAN, Inks, MEDIA_WHITE, Slab, Told, WHITE};
 use pellucid_core::chain;
 use pellucid_predict::{BoundPredictor, Changed, Draw, Pass};
 use pellucid_refine::{
-    Cell, IterationReport, Mixtures, Planned, RefineError, RefineSettings, Refined, Refinement, Saved, Seen,
-    Setup, Strategy, SurfaceFirst, refine,
+    Cell, IterationReport, Mixtures, Moved, Planned, RefineError, RefineSettings, Refined, Refinement, Saved,
+    Seen, Setup, Strategy, SurfaceFirst, refine,
 };
 use pellucid_voxel::{Control, LabelGrid, Pitch};
 
@@ -367,7 +367,7 @@ impl Strategy for Interrupted<'_> {
         state: &mut Self::State,
         seen: &Seen<'_>,
         control: &Control<'_>,
-    ) -> Result<(), RefineError> {
+    ) -> Result<Moved, RefineError> {
         self.inner.update(setup, state, seen, control)
     }
 }

@@ -4,7 +4,7 @@ use pellucid_color::spectrum::Illuminant;
 use pellucid_core::InstructionSet;
 use pellucid_mesh::Scale;
 use pellucid_predict::{Correction, NetworkDevice, Sharing};
-use pellucid_refine::{Effort, RefineSettings, Strategy, SurfaceFirst};
+use pellucid_refine::{Descent, Effort, RefineSettings, Strategy, SurfaceFirst};
 use pellucid_slice::PrintTarget;
 use pellucid_voxel::MaterialTable;
 use serde::{Deserialize, Serialize};
@@ -39,6 +39,29 @@ impl PredictorKind {
             Self::MonteCarlo => "mc",
             Self::Rpnn => "rpnn",
             Self::Auto => "auto",
+        }
+    }
+}
+
+/// How materials are rearranged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum StrategyKind {
+    /// Correct each surface voxel's own column, from the surface down.
+    #[default]
+    #[serde(rename = "surface-first")]
+    SurfaceFirst,
+    /// Follow the derivatives of a perceptual loss by the materials of every voxel, after a few steps of the other.
+    #[serde(rename = "descent")]
+    Descent,
+}
+
+impl StrategyKind {
+    /// The name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::SurfaceFirst => "surface-first",
+            Self::Descent => "descent",
         }
     }
 }
@@ -90,8 +113,12 @@ pub struct PrintSettings {
     pub instruction_set: Option<InstructionSet>,
     /// Refinement: iterations, coloured depth and so on. Its seed is [`PrintSettings::seed`].
     pub refine: RefineSettings,
-    /// The strategy that corrects a surface voxel's own column.
+    /// How materials are rearranged.
+    pub strategy: StrategyKind,
+    /// Settings of [`StrategyKind::SurfaceFirst`].
     pub surface_first: SurfaceFirst,
+    /// Settings of [`StrategyKind::Descent`].
+    pub descent: Descent,
     /// Seed of everything random.
     pub seed: u64,
     /// What the judge traces.
@@ -121,7 +148,9 @@ impl Default for PrintSettings {
             device: None,
             instruction_set: None,
             refine: RefineSettings::default(),
+            strategy: StrategyKind::default(),
             surface_first: SurfaceFirst::default(),
+            descent: Descent::default(),
             seed: 0,
             judge: Effort::default(),
             judge_spp: 3,
@@ -155,6 +184,7 @@ impl PrintSettings {
         }
         self.refine.check()?;
         self.surface_first.check()?;
+        self.descent.check()?;
         self.judge.check()?;
         self.materials.label_of("white").ok_or_else(|| {
             PrintError::invalid("materials", "none is named \"white\", which fills the inside")

@@ -1,13 +1,13 @@
 //! The third artefact: the labels to print.
 
 use pellucid_predict::Predictor;
-use pellucid_refine::{RefineReport, Refinement, Saved};
+use pellucid_refine::{RefineReport, Refinement, Saved, Strategy};
 use pellucid_voxel::LabelGrid;
 
 use crate::job::Aimed;
 use crate::stage::Stage;
 use crate::workspace::REFINEMENT;
-use crate::{Monitor, PredictorKind, PrintError, PrintJob, PrintSettings, Workspace};
+use crate::{Monitor, PredictorKind, PrintError, PrintJob, PrintSettings, StrategyKind, Workspace};
 
 /// Refined labels.
 #[derive(Clone, Debug)]
@@ -53,7 +53,25 @@ impl PrintJob {
         workspace: &Workspace,
         monitor: &Monitor<'_>,
     ) -> Result<Refined, PrintError> {
-        let (settings, strategy) = (self.settings.refine.clone(), self.settings.surface_first.clone());
+        match self.settings.strategy {
+            StrategyKind::SurfaceFirst => {
+                self.refine_by(self.settings.surface_first.clone(), predictor, aimed, workspace, monitor)
+            }
+            StrategyKind::Descent => {
+                self.refine_by(self.settings.descent.clone(), predictor, aimed, workspace, monitor)
+            }
+        }
+    }
+
+    fn refine_by<S: Strategy>(
+        &self,
+        strategy: S,
+        predictor: &dyn Predictor,
+        aimed: &Aimed,
+        workspace: &Workspace,
+        monitor: &Monitor<'_>,
+    ) -> Result<Refined, PrintError> {
+        let settings = self.settings.refine.clone();
         let problem = aimed.problem();
         let mut labels = aimed.solid.clone();
         let refined = monitor.run(Stage::Refine, |control| {

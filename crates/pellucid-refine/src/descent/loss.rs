@@ -1,0 +1,131 @@
+//! What descent lowers: a perceptual difference of what is shown from what is aimed at, over the surface.
+
+use pellucid_color::space::{lab_derivative_of_linear_rgb, lab_of_linear_rgb};
+use pellucid_core::{Cancelled, Control};
+use rayon::prelude::*;
+
+use crate::SurfaceSmoother;
+
+/// Differences beyond this count in proportion, not by their square (Huber): a few far outliers do not decide.
+const HUBER: f32 = 20.0;
+
+/// How differences are weighed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Weights {
+    /// Exponent of CIEDE2000's S_C and S_H: 1 forgives differences of saturated colours as it does, 0 not at all.
+    pub forgiveness: f32,
+}
+
+/// One scale at which the print is looked at.
+pub(super) struct Scale<'a> {
+    pub smoother: &'a SurfaceSmoother,
+    /// `[L*, a*, b*]` of the smoothed aim.
+    aim: Vec<[f32; 3]>,
+    /// By how much L*, a* and b* are multiplied: rows of a 2 x 2 matrix for a* and b* follow the weight of L*.
+    rows: Vec<[f32; 5]>,
+    weight: f32,
+}
+
+/// The loss at every point, and its derivatives.
+pub(super) struct Found {
+    /// Of every surface voxel.
+    pub loss: Vec<f32>,
+    /// By the shown colours.
+    pub gradient: Vec<[f32; 3]>,
+    /// A bound of the loss's curvature by the shown colours, given how far each would go.
+    pub curvature: Vec<[f32; 3]>,
+}
+
+impl<'a> Scale<'a> {
+    /// Looks through `smoother` at an aim of linear RGB, which counts with `weight`.
+    pub(super) fn new(
+        smoother: &'a SurfaceSmoother,
+        aim: &[[f32; 3]],
+        weight: f32,
+        weights: Weights,
+        control: &Control<'_>,
+    ) -> Result<Self, Cancelled> {
+        let smooth = smoother.smooth(aim.to_vec(), control)?;
+        let aim: Vec<[f32; 3]> = smooth.par_iter().map(|&rgb| lab(rgb)).collect();
+        let rows = aim.par_iter().map(|&lab| weights.rows(lab)).collect();
+        Ok(Self { smoother, aim, rows, weight })
+    }
+
+    /// Adds the loss of shown colours and its derivatives. `reach` is how far a full step would move each shown colour.
+    pub(super) fn add(
+        &self,
+        shown: &[[f32; 3]],
+        reach: &[[f32; 3]],
+        found: &mut Found,
+        control: &Control<'_>,
+    ) -> Result<(), Cancelled> {
+        let smooth = self.smoother.smooth(shown.to_vec(), control)?;
+        let reach = self.smoother.smooth(reach.to_vec(), control)?;
+        let points = smooth.par_iter().zip(&reach).zip(&self.aim).zip(&self.rows);
+        let each = points.map(|(((&rgb, &reach), &aim), rows)| self.point(rgb, reach, aim, rows));
+        let (loss, derivatives): (Vec<f32>, Vec<([f32; 3], [f32; 3])>) = each.unzip();
+        let (gradient, curvature): (Vec<_>, Vec<_>) = derivatives.into_iter().unzip();
+        found.loss.par_iter_mut().zip(loss).for_each(|(sum, loss)| *sum += loss);
+        let add = |to: &mut [[f32; 3]], values: Vec<[f32; 3]>| {
+            let values = self.smoother.transposed(values, control)?;
+            to.par_iter_mut().zip(values).for_each(|(to, v)| (0..3).for_each(|c| to[c] += v[c]));
+            Ok::<(), Cancelled>(())
+        };
+        add(&mut found.gradient, gradient)?;
+        add(&mut found.curvature, curvature)
+    }
+
+    /// Loss, gradient, and curvature times reach at one point.
+    fn point(
+        &self,
+        rgb: [f32; 3],
+        reach: [f32; 3],
+        aim: [f32; 3],
+        rows: &[f32; 5],
+    ) -> (f32, ([f32; 3], [f32; 3])) {
+        let by_rgb = lab_derivative_of_linear_rgb(rgb);
+        let weighed =
+            |v: [f32; 3]| [rows[0] * v[0], rows[1] * v[1] + rows[2] * v[2], rows[3] * v[1] + rows[4] * v[2]];
+        let shown = lab(rgb);
+        let difference = weighed(std::array::from_fn(|k| shown[k] - aim[k]));
+        let length = difference.iter().map(|d| d * d).sum::<f32>().sqrt();
+        let (loss, scale) = match length <= HUBER {
+            true => (length * length, 1.0),
+            false => (HUBER * (2.0 * length - HUBER), HUBER / length),
+        };
+        // Columns: what a channel does to the weighed difference.
+        let columns: [[f32; 3]; 3] = std::array::from_fn(|c| weighed(std::array::from_fn(|k| by_rgb[k][c])));
+        let along = |c: usize| -> f32 { (0..3).map(|k| columns[c][k] * difference[k]).sum() };
+        let gradient = std::array::from_fn(|c| 2.0 * self.weight * scale * along(c));
+        let both =
+            |c: usize, d: usize| -> f32 { (0..3).map(|k| columns[c][k] * columns[d][k]).sum::<f32>().abs() };
+        let curvature = std::array::from_fn(|c| {
+            2.0 * self.weight * scale * (0..3).map(|d| both(c, d) * reach[d]).sum::<f32>()
+        });
+        (self.weight * loss, (gradient, curvature))
+    }
+}
+
+impl Weights {
+    /// Weights of L*, and of a* and b* turned into chroma and hue, at an aim: those of CIEDE2000 (Sharma et al. 2005)
+    /// but for its rotation of blues.
+    fn rows(self, [l, a, b]: [f32; 3]) -> [f32; 5] {
+        let chroma = a.hypot(b);
+        let (sin, cos) = if chroma > 1e-3 { (b / chroma, a / chroma) } else { (0.0, 1.0) };
+        let hue = b.atan2(a).to_degrees();
+        let wave = |degrees: f32| degrees.to_radians().cos();
+        let t = 1.0 - 0.17 * wave(hue - 30.0) + 0.24 * wave(2.0 * hue) + 0.32 * wave(3.0 * hue + 6.0)
+            - 0.2 * wave(4.0 * hue - 63.0);
+        let middle = (l - 50.0).powi(2);
+        let lightness = 1.0 / (1.0 + 0.015 * middle / (20.0 + middle).sqrt());
+        let of = |spread: f32| spread.powf(-self.forgiveness);
+        let (along, across) = (of(1.0 + 0.045 * chroma), of(1.0 + 0.015 * chroma * t));
+        [lightness, along * cos, along * sin, -across * sin, across * cos]
+    }
+}
+
+fn lab(rgb: [f32; 3]) -> [f32; 3] {
+    let mut lab = [[0.0; 3]];
+    lab_of_linear_rgb(&[rgb], &mut lab);
+    lab[0]
+}

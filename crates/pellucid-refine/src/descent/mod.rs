@@ -1,0 +1,233 @@
+//! Descent along true derivatives: which inks, where, are to blame for what is seen.
+
+mod cells;
+mod loss;
+mod patches;
+mod state;
+mod step;
+
+use pellucid_core::Control;
+use pellucid_predict::{Draw, Pass};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::settings::check_ranges;
+use crate::{Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, SurfaceSmoother};
+use cells::CellGradient;
+use loss::{Found, Scale, Weights};
+use patches::Patches;
+pub use state::DescentState;
+use state::{CellMixtures, Cells};
+
+/// Standard deviation in mm of the finer Gaussian that the print is looked at through, and how much it counts beside
+/// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
+const FINE_MM: f64 = 0.045;
+const FINE_WEIGHT: f32 = 0.25;
+/// Steps after which the bound of the loss's curvature is found anew.
+const REFRESH: u32 = 6;
+/// Derivatives are smoothed over the surface by a Gaussian of so many mm.
+const GRADIENT_MM: f64 = 0.045;
+/// The refinement has settled when the last steps lowered the loss by less than this part.
+const SETTLED: f64 = 0.01;
+/// How many steps are looked back at.
+const LOOK_BACK: usize = 6;
+
+/// Gradient descent on a perceptual loss, with the halftone inside the loop: the derivative at the labels is taken for
+/// the one at the mixtures that they were drawn from. The paper of the method (Rittig et al. 2021, section 6) names
+/// derivatives of the forward model as future work.
+///
+/// A few steps of [`SurfaceFirst`] open. Then the state is one mixture a cell (surface voxel and layer), moved by
+/// momentum and a step that a separable quadratic bound of the loss makes safe (De Pierro 1995), scaled patch by patch
+/// of the surface by whether the last step lowered the loss there. The predictor must have a gradient.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Descent {
+    /// The heuristic that opens.
+    pub opening: SurfaceFirst,
+    /// Its steps, 0 to 100.
+    pub opening_steps: u32,
+    /// Share of the last step that the next one keeps, 0 to below 1.
+    pub momentum: f32,
+    /// How far differences of saturated colours are forgiven: 0 not at all, 1 as much as CIEDE2000 does.
+    pub forgiveness: f32,
+}
+
+impl Default for Descent {
+    fn default() -> Self {
+        Self { opening: SurfaceFirst::default(), opening_steps: 5, momentum: 0.7, forgiveness: 0.75 }
+    }
+}
+
+impl Strategy for Descent {
+    type State = DescentState;
+
+    fn name(&self) -> &str {
+        "descent"
+    }
+
+    fn settings(&self) -> Vec<(&'static str, f64)> {
+        let mut all = self.opening.settings();
+        all.push(("opening_steps", self.opening_steps.into()));
+        all.push(("momentum", self.momentum.into()));
+        all.push(("forgiveness", self.forgiveness.into()));
+        all
+    }
+
+    fn check(&self) -> Result<(), RefineError> {
+        self.opening.check()?;
+        check_ranges(&[
+            ("opening_steps", self.opening_steps <= 100, "0 to 100"),
+            ("momentum", (0.0..1.0).contains(&self.momentum), "0 to below 1"),
+            ("forgiveness", (0.0..=1.0).contains(&self.forgiveness), "0 to 1"),
+        ])
+    }
+
+    fn start(&self, setup: &Setup<'_>) -> DescentState {
+        DescentState { opening: Some(self.opening.start(setup)), ..DescentState::default() }
+    }
+
+    fn check_state(&self, setup: &Setup<'_>, state: &DescentState) -> Result<(), RefineError> {
+        match &state.opening {
+            Some(opening) => self.opening.check_state(setup, opening),
+            None => state.check(setup),
+        }
+    }
+
+    fn mixtures<'s>(
+        &'s self,
+        setup: &'s Setup<'_>,
+        state: &'s DescentState,
+        control: &Control<'_>,
+    ) -> Result<Planned<'s>, RefineError> {
+        match &state.opening {
+            Some(opening) => self.opening.mixtures(setup, opening, control),
+            None => Ok(Planned {
+                mixtures: Box::new(CellMixtures::new(setup, &state.inks)),
+                overflow: Vec::new(),
+            }),
+        }
+    }
+
+    fn update(
+        &self,
+        setup: &Setup<'_>,
+        state: &mut DescentState,
+        seen: &Seen<'_>,
+        control: &Control<'_>,
+    ) -> Result<Moved, RefineError> {
+        if let Some(opening) = &mut state.opening
+            && opening.step < self.opening_steps
+        {
+            return self.opening.update(setup, opening, seen, control);
+        }
+        if let Some(opening) = state.opening.take() {
+            let (mixtures, _) = self.opening.layer_mixtures(setup, &opening, control)?;
+            *state = DescentState::from_mixtures(setup, mixtures);
+        }
+        self.descend(setup, state, seen, control)
+    }
+}
+
+impl Descent {
+    fn descend(
+        &self,
+        setup: &Setup<'_>,
+        state: &mut DescentState,
+        seen: &Seen<'_>,
+        control: &Control<'_>,
+    ) -> Result<Moved, RefineError> {
+        let surface = setup.problem.object.surface();
+        let patches = Patches::new(surface);
+        let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
+        let reach = reach(setup, seen.shown);
+        let found = self.loss(setup, seen, &fine, &reach, control)?;
+        patches.judge(&mut state.patches, &found.loss);
+        let total = found.loss.iter().map(|&l| f64::from(l)).sum::<f64>() / found.loss.len().max(1) as f64;
+        state.losses.push(total);
+
+        let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
+        if state.steps.is_multiple_of(REFRESH) {
+            let by_inks = pull(setup, seen, draw, &found.curvature, control)?;
+            let expected: f64 = found
+                .curvature
+                .par_iter()
+                .zip(&reach)
+                .map(|(w, s)| dot(w, s))
+                .collect::<Vec<_>>()
+                .iter()
+                .sum();
+            state.take_curvature(setup, &by_inks, expected);
+        }
+        let gradient = pull(setup, seen, draw, &found.gradient, control)?;
+        let smoother = SurfaceSmoother::new(surface, GRADIENT_MM, control)?;
+        let moved = step::take(self, Cells::of(setup), state, &patches, gradient, &smoother, control)?;
+        state.steps += 1;
+        Ok(Moved { loss: Some(total), step: Some(moved), settled: settled(&state.losses) })
+    }
+
+    /// The loss, its gradient, and the weights of its curvature, by shown colours.
+    fn loss(
+        &self,
+        setup: &Setup<'_>,
+        seen: &Seen<'_>,
+        fine: &SurfaceSmoother,
+        reach: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Found, RefineError> {
+        let count = setup.points.len();
+        let weights = Weights { forgiveness: self.forgiveness };
+        let mut found = Found {
+            loss: vec![0.0; count],
+            gradient: vec![[0.0; 3]; count],
+            curvature: vec![[0.0; 3]; count],
+        };
+        for (smoother, weight) in [(seen.smoother, 1.0), (fine, FINE_WEIGHT)] {
+            Scale::new(smoother, setup.problem.printable_target, weight, weights, control)?
+                .add(seen.shown, reach, &mut found, control)?;
+        }
+        Ok(found)
+    }
+}
+
+/// Derivatives by inks in place of white, `[point][layer][ink]`, given those by shown colours.
+fn pull(
+    setup: &Setup<'_>,
+    seen: &Seen<'_>,
+    draw: Draw,
+    d_shown: &[[f32; 3]],
+    control: &Control<'_>,
+) -> Result<Vec<f32>, RefineError> {
+    let viewing = setup.problem.viewing;
+    let mut d_radiance = vec![0.0; setup.points.len() * viewing.channels()];
+    let rows = d_radiance.par_chunks_exact_mut(viewing.channels());
+    rows.zip(d_shown).for_each(|(d_radiance, &d)| viewing.pullback(d, d_radiance));
+    let mut cells = CellGradient::new(setup);
+    seen.bound
+        .pullback(&setup.points, draw, &d_radiance, &mut cells, control)
+        .map_err(|e| RefineError::predict(seen.iteration, e))?;
+    Ok(cells.by_inks())
+}
+
+/// How far each shown colour would go, up to a factor, if every ink took its whole range: as of a thick layer by
+/// Kubelka and Munk, whose reflectance R changes by 2 R² / (1 - R²) with absorption over scattering.
+fn reach(setup: &Setup<'_>, shown: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let white = setup.problem.viewing.media_white();
+    let each = shown.par_iter().map(|shown| {
+        std::array::from_fn(|c| {
+            let reflectance = (shown[c] * white[c]).clamp(0.02, 0.93);
+            2.0 * reflectance * reflectance / (1.0 - reflectance * reflectance) / white[c]
+        })
+    });
+    each.collect()
+}
+
+fn dot(a: &[f32; 3], b: &[f32; 3]) -> f64 {
+    (0..3).map(|c| f64::from(a[c] * b[c])).sum()
+}
+
+/// True when the last steps hardly lowered the loss.
+fn settled(losses: &[f64]) -> bool {
+    let Some(split) = losses.len().checked_sub(LOOK_BACK).filter(|&n| n > 0) else { return false };
+    let least = |losses: &[f64]| losses.iter().copied().fold(f64::INFINITY, f64::min);
+    least(&losses[split..]) > (1.0 - SETTLED) * least(&losses[..split])
+}

@@ -1,0 +1,135 @@
+//! One step of all cells.
+
+use pellucid_core::{Cancelled, Control};
+use rayon::prelude::*;
+
+use super::Descent;
+use super::patches::Patches;
+use super::state::{Cells, DescentState, MOVE, WHOLE};
+use crate::SurfaceSmoother;
+use crate::problem::MAX_LABELS;
+
+/// Inks that are smoothed together.
+const TOGETHER: usize = 4;
+/// The most that a share changes in a step.
+const MOST: f32 = 0.25;
+
+/// Moves every cell; returns the mean change of a share.
+pub(super) fn take(
+    descent: &Descent,
+    cells: Cells,
+    state: &mut DescentState,
+    patches: &Patches,
+    mut gradient: Vec<f32>,
+    smoother: &SurfaceSmoother,
+    control: &Control<'_>,
+) -> Result<f64, Cancelled> {
+    smooth(cells, &mut gradient, smoother, control)?;
+    let row = cells.row();
+    let most = state.most_curvature;
+    let known = &state.patches;
+    let moved: Vec<f64> = state
+        .inks
+        .par_chunks_exact_mut(row)
+        .zip(state.moves.par_chunks_exact_mut(row))
+        .zip(state.curvatures.par_chunks_exact(row).zip(gradient.par_chunks_exact(row)))
+        .enumerate()
+        .map(|(point, ((inks, moves), (curvatures, gradient)))| {
+            let patch = known[patches.of(point)];
+            let momentum = if patch.rose { 0.0 } else { descent.momentum };
+            let mut total = 0.0;
+            for layer in 0..cells.layers {
+                let at = layer * cells.inks..(layer + 1) * cells.inks;
+                let mut wanted = [0.0; MAX_LABELS];
+                let (own, last) = (&mut inks[at.clone()], &mut moves[at.clone()]);
+                for (i, k) in at.enumerate() {
+                    let curvature = DescentState::curvature(most, curvatures[k]).max(f32::MIN_POSITIVE);
+                    let step = momentum * f32::from(last[i]) / MOVE - patch.length * gradient[k] / curvature;
+                    wanted[i] = f32::from(own[i]) / WHOLE + step.clamp(-MOST, MOST);
+                }
+                project(&mut wanted[..cells.inks]);
+                for (i, share) in own.iter_mut().enumerate() {
+                    let before = f32::from(*share) / WHOLE;
+                    *share = (wanted[i] * WHOLE) as u16;
+                    last[i] = ((wanted[i] - before) * MOVE).round() as i16;
+                    total += f64::from((wanted[i] - before).abs());
+                }
+            }
+            total
+        })
+        .collect();
+    Ok(moved.iter().sum::<f64>() / (moved.len() * row).max(1) as f64)
+}
+
+/// Smooths derivatives over the surface, layer by layer.
+fn smooth(
+    cells: Cells,
+    gradient: &mut [f32],
+    smoother: &SurfaceSmoother,
+    control: &Control<'_>,
+) -> Result<(), Cancelled> {
+    let row = cells.row();
+    for layer in 0..cells.layers {
+        for first in (0..cells.inks).step_by(TOGETHER) {
+            let count = TOGETHER.min(cells.inks - first);
+            let start = layer * cells.inks + first;
+            let values = gradient.par_chunks_exact(row);
+            let values = values.map(|row| {
+                let mut some = [0.0; TOGETHER];
+                some[..count].copy_from_slice(&row[start..start + count]);
+                some
+            });
+            let values = smoother.transposed::<TOGETHER>(values.collect(), control)?;
+            let rows = gradient.par_chunks_exact_mut(row).zip(values);
+            rows.for_each(|(row, values)| row[start..start + count].copy_from_slice(&values[..count]));
+        }
+    }
+    Ok(())
+}
+
+/// The nearest shares that are none below 0 and together at most 1 (Duchi et al. 2008).
+fn project(shares: &mut [f32]) {
+    let clipped: f32 = shares.iter().map(|s| s.max(0.0)).sum();
+    if clipped <= 1.0 {
+        shares.iter_mut().for_each(|s| *s = s.max(0.0));
+        return;
+    }
+    let mut sorted = [0.0; MAX_LABELS];
+    let sorted = &mut sorted[..shares.len()];
+    sorted.copy_from_slice(shares);
+    sorted.sort_by(|a, b| b.total_cmp(a));
+    let (mut sum, mut less) = (0.0, 0.0);
+    for (i, &s) in sorted.iter().enumerate() {
+        sum += s;
+        let candidate = (sum - 1.0) / (i + 1) as f32;
+        if s > candidate {
+            less = candidate;
+        }
+    }
+    shares.iter_mut().for_each(|s| *s = (*s - less).max(0.0));
+    let sum: f32 = shares.iter().sum();
+    if sum > 1.0 {
+        shares.iter_mut().for_each(|s| *s /= sum);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn projection_is_the_nearest_mixture(
+            shares in prop::collection::vec(-1.0f32..2.0, 4), others in prop::collection::vec(0.0f32..1.0, 4),
+        ) {
+            let mut found = shares.clone();
+            project(&mut found);
+            prop_assert!(found.iter().all(|&s| s >= 0.0) && found.iter().sum::<f32>() < 1.0 + 1e-5);
+            let whole = others.iter().sum::<f32>().max(1.0);
+            let away = |to: &[f32]| -> f32 { to.iter().zip(&shares).map(|(a, b)| (a - b).powi(2)).sum() };
+            let other: Vec<f32> = others.iter().map(|o| o / whole).collect();
+            prop_assert!(away(&found) <= away(&other) + 1e-4, "{found:?} {other:?}");
+        }
+    }
+}
