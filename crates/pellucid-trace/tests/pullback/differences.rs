@@ -100,15 +100,15 @@ fn blobs_at_several_depths() {
     });
     let points = above(&object, &[[14, 14], [18, 13], [30, 15], [33, 17], [44, 16], [39, 15]]);
     for options in [
-        TraceOptions { spp: 12_000, tracking: Tracking::Delta, ..TraceOptions::default() },
+        TraceOptions { spp: 6000, tracking: Tracking::Delta, ..TraceOptions::default() },
         TraceOptions {
-            spp: 12_000,
+            spp: 6000,
             tracking: Tracking::Regular,
             boundary: Boundary::Matched,
             ..TraceOptions::default()
         },
     ] {
-        compare(&object, options, &points, &[2, 3, 4], 0.04);
+        compare(&object, options, &points, &[2, 3, 4], 0.06);
     }
 }
 
