@@ -61,7 +61,8 @@ pub fn gradients(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation
     let trial = Trial { check: "gradients", predictor, case };
     let d_radiance = weights(case, 1);
     let bound = trial.fresh(&case.labels)?;
-    if !trial.worked("supports", predictor.supports(&case.object))?.gradient {
+    let capabilities = trial.worked("supports", predictor.supports(&case.object))?;
+    if !capabilities.gradient {
         let result =
             bound.pullback(&case.points, DRAW, &d_radiance, &mut Collected::default(), &Control::none());
         return trial.ensure(
@@ -82,11 +83,11 @@ pub fn gradients(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation
         trial.ensure(whole.calls == other.calls, format!("{threads} threads give other bytes"))?;
     }
 
-    let capabilities = trial.worked("supports", predictor.supports(&case.object))?;
-    if capabilities.random {
-        linear_on_average(&trial, &bound)?
-    } else {
-        linear(&trial, &bound, &whole)?
+    if let Err(violation) = linear(&trial, &bound, &whole) {
+        if !capabilities.random {
+            return Err(violation);
+        }
+        linear_on_average(&trial, &bound)?;
     }
 
     let size = case.labels.size();
