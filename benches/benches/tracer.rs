@@ -5,7 +5,9 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use pellucid_benches::volumes;
-use pellucid_trace::{AssistOptions, Boundary, InstructionSet, TraceOptions, Tracer, Volume};
+use pellucid_trace::{
+    AdjointOptions, AssistOptions, Boundary, Derivatives, InstructionSet, TraceOptions, Tracer, Volume,
+};
 use pellucid_voxel::{Control, LabelGrid, Material, MaterialTable, Surface, SurfaceOptions};
 
 fn prepared(grid: &LabelGrid) -> (Surface, Volume) {
@@ -52,6 +54,24 @@ fn white_cube(c: &mut Criterion) {
     group.finish();
 }
 
+/// Takes the derivatives of a skin of some 1 mm.
+struct Skin {
+    center: [f64; 3],
+    sum: f64,
+}
+
+impl Derivatives for Skin {
+    fn add(&mut self, _: [u32; 3], _: u8, derivative: f32) {
+        self.sum += f64::from(derivative);
+    }
+
+    fn wants(&self, first: [u32; 3], _: [u32; 3]) -> bool {
+        // In units of the radius: the ball touches its grid.
+        let square = |a: usize| (f64::from(first[a] + 2) / self.center[a] - 1.0).powi(2);
+        (0..3).map(square).sum::<f64>() > 0.9f64.powi(2)
+    }
+}
+
 /// A 20 mm ball with a halftone skin of 1 mm, dielectric: what refinement traces.
 fn skin(c: &mut Criterion) {
     let none = Control::none();
@@ -78,6 +98,16 @@ fn skin(c: &mut Criterion) {
     group.bench_function("16 paths a value, assisted", |b| {
         let assist = AssistOptions::default();
         b.iter(|| tracer.radiance_assisted(&points, 0, &assist, &mut out, &none).expect("traced"));
+    });
+    let tracer = Tracer::new(&volume, &table, TraceOptions { spp: 2, ..options }).expect("valid options");
+    group.bench_function("2 paths a value", |b| {
+        b.iter(|| tracer.radiance(&points, 0, &mut out, &none).expect("traced"));
+    });
+    let weights = vec![1.0; out.len()];
+    let mut skin = Skin { center: grid.size().map(|s| f64::from(s) / 2.0), sum: 0.0 };
+    group.bench_function("2 paths a value, derivative", |b| {
+        let adjoint = AdjointOptions::default();
+        b.iter(|| tracer.pullback(&points, 0, &weights, &adjoint, &mut skin, &none).expect("traced"));
     });
     group.finish();
 }

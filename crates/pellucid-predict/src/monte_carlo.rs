@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use pellucid_core::{Control, InstructionSet};
-use pellucid_trace::{AdjointOptions, Boundary, TraceError, TraceOptions, Tracer, Tracking, Volume};
+use pellucid_trace::{
+    AdjointOptions, Boundary, Derivatives, TraceError, TraceOptions, Tracer, Tracking, Volume,
+};
 use pellucid_voxel::LabelGrid;
 
 use crate::{
@@ -38,6 +40,7 @@ use crate::{
 pub struct MonteCarlo {
     /// Seed and boundary are filled in from the draw and the object.
     options: TraceOptions,
+    adjoint: AdjointOptions,
     instruction_set: Option<InstructionSet>,
 }
 
@@ -47,7 +50,8 @@ impl MonteCarlo {
     /// # Errors
     /// [`PredictError::Invalid`] for no paths.
     pub fn new(spp: u32) -> Result<Self, PredictError> {
-        Self { options: TraceOptions { spp, ..TraceOptions::default() }, instruction_set: None }.checked()
+        let options = TraceOptions { spp, ..TraceOptions::default() };
+        Self { options, adjoint: AdjointOptions::default(), instruction_set: None }.checked()
     }
 
     /// The same with another weight, 0 to 1, below which paths play Russian roulette.
@@ -63,6 +67,16 @@ impl MonteCarlo {
     pub fn with_tracking(mut self, tracking: Tracking) -> Self {
         self.options.tracking = tracking;
         self
+    }
+
+    /// The same with another mean number of paths a point and channel, above 0, that its gradient follows: by default
+    /// 2, independent of those of the prediction. Points get as many as their weights deserve.
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] outside 0 to 2^20.
+    pub fn with_adjoint_paths(mut self, paths: f32) -> Result<Self, PredictError> {
+        self.adjoint.paths = paths;
+        self.checked()
     }
 
     /// The same on other instructions than [`InstructionSet::chosen`]: no other values, another time.
@@ -94,6 +108,7 @@ impl MonteCarlo {
 
     fn checked(self) -> Result<Self, PredictError> {
         self.options.check()?;
+        self.adjoint.check()?;
         Ok(self)
     }
 }
@@ -103,6 +118,7 @@ impl Predictor for MonteCarlo {
         Identity::new("mc", self.used(), true)
             .with("spp", self.options.spp)
             .with("roulette", self.options.roulette)
+            .with("adjoint-paths", self.adjoint.paths)
             .with("tracking", format!("{:?}", self.options.tracking).to_lowercase())
     }
 
@@ -162,15 +178,13 @@ impl BoundPredictor for BoundMonteCarlo {
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<Diagnostics, PredictError> {
-        let volume = self.volume.as_ref().filter(|_| self.current).ok_or_else(PredictError::before_update)?;
-        self.object.check_points(points, out.len())?;
-        control.check()?;
-        let options = self.settings.trace_options(&self.object, draw.seed)?;
-        let tracer = Tracer::new(volume, self.object.materials(), options)?;
+        let tracer = self.tracer(points, draw, out.len(), control)?;
         tracer.radiance(points, draw.pass.number(), out, control)?;
-        Ok(Diagnostics { paths: out.len() as u64 * u64::from(options.spp), ..Diagnostics::default() })
+        let paths = out.len() as u64 * u64::from(self.settings.options.spp);
+        Ok(Diagnostics { paths, ..Diagnostics::default() })
     }
 
+    /// Unbiased, by paths that are independent of the prediction's with the same draw.
     fn pullback(
         &self,
         points: &[u32],
@@ -179,33 +193,44 @@ impl BoundPredictor for BoundMonteCarlo {
         out: &mut dyn MaterialGradient,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
-        let volume = self.volume.as_ref().filter(|_| self.current).ok_or_else(PredictError::before_update)?;
-        self.object.check_points(points, d_radiance.len())?;
-        control.check()?;
-        let options = self.settings.trace_options(&self.object, draw.seed)?;
-        let tracer = Tracer::new(volume, self.object.materials(), options)?;
-        let mut out = Wanted(out);
-        let paths = std::env::var("APATHS").ok().and_then(|v| v.parse().ok()).unwrap_or(2.0);
-        tracer.pullback(
-            points,
-            draw.pass.number(),
-            d_radiance,
-            &AdjointOptions { paths },
-            &mut out,
-            control,
-        )?;
+        let tracer = self.tracer(points, draw, d_radiance.len(), control)?;
+        let adjoint = &self.settings.adjoint;
+        tracer.pullback(points, draw.pass.number(), d_radiance, adjoint, &mut Handed(out), control)?;
         Ok(())
     }
 }
 
-struct Wanted<'a>(&'a mut dyn MaterialGradient);
+impl BoundMonteCarlo {
+    /// The tracer of a draw, once what it is asked for was checked.
+    fn tracer(
+        &self,
+        points: &[u32],
+        draw: Draw,
+        values: usize,
+        control: &Control<'_>,
+    ) -> Result<Tracer<'_>, PredictError> {
+        let volume = self.volume.as_ref().filter(|_| self.current).ok_or_else(PredictError::before_update)?;
+        self.object.check_points(points, values)?;
+        control.check()?;
+        let options = self.settings.trace_options(&self.object, draw.seed)?;
+        Ok(Tracer::new(volume, self.object.materials(), options)?)
+    }
+}
 
-impl pellucid_trace::Derivatives for Wanted<'_> {
+/// Hands the tracer's derivatives on.
+struct Handed<'a>(&'a mut dyn MaterialGradient);
+
+impl Derivatives for Handed<'_> {
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
         self.0.add(voxel, label, derivative);
     }
+
     fn region(&self) -> Option<[[u32; 3]; 2]> {
         self.0.region()
+    }
+
+    fn wants(&self, first: [u32; 3], end: [u32; 3]) -> bool {
+        self.0.wants(first, end)
     }
 }
 

@@ -61,7 +61,8 @@ pub trait BoundPredictor: Send {
     /// `d_radiance` is `[point][channel]`. The amount is a volume fraction, and a mixture has the sums of its parts'
     /// coefficients; air gets nothing, as the shape stays.
     ///
-    /// Linear in `d_radiance` but for rounding. The same calls of [`MaterialGradient::add`] with the same bytes for any
+    /// Linear in `d_radiance`: but for rounding, or on average over draws for a predictor with random error, where only
+    /// a factor of plus or minus a power of two is exact. The same calls of [`MaterialGradient::add`] with the same bytes for any
     /// number of threads, and again when repeated.
     ///
     /// # Errors
@@ -215,6 +216,13 @@ pub trait MaterialGradient {
     /// `None`. No others are added.
     fn region(&self) -> Option<[[u32; 3]; 2]> {
         None
+    }
+
+    /// Whether derivatives are wanted for any voxel of a small box, from `first` to before `end`. A predictor may leave
+    /// out work and memory for those that are not, or add to them all the same. The same answer every time.
+    fn wants(&self, first: [u32; 3], end: [u32; 3]) -> bool {
+        let _ = (first, end);
+        true
     }
 }
 

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use pellucid_predict::{
-    Changed, Draw, InstructionSet, MonteCarlo, Object, Pass, PredictError, Predictor, predict_all,
+    Changed, Draw, InstructionSet, MaterialGradient, MonteCarlo, Object, Pass, PredictError, Predictor,
+    predict_all,
 };
-use pellucid_trace::{Boundary, TraceOptions, Tracer, Tracking, Volume};
+use pellucid_trace::{AdjointOptions, Boundary, Derivatives, TraceOptions, Tracer, Tracking, Volume};
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
 
 fn grid() -> LabelGrid {
@@ -44,6 +45,51 @@ fn values_are_the_tracers() {
     assert_eq!(Pass::Loop(7).number(), 7);
 }
 
+/// What was added, in order.
+#[derive(Default)]
+struct Calls(Vec<([u32; 3], u8, u32)>);
+
+impl MaterialGradient for Calls {
+    fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
+        self.0.push((voxel, label, derivative.to_bits()));
+    }
+
+    fn wants(&self, first: [u32; 3], _: [u32; 3]) -> bool {
+        first[2] >= 8
+    }
+}
+
+impl Derivatives for Calls {
+    fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
+        self.0.push((voxel, label, derivative.to_bits()));
+    }
+
+    fn wants(&self, first: [u32; 3], _: [u32; 3]) -> bool {
+        first[2] >= 8
+    }
+}
+
+#[test]
+fn gradients_are_the_tracers() {
+    let (grid, none) = (grid(), Control::none());
+    let object = object(&grid, 1.5);
+    let predictor = MonteCarlo::new(3).unwrap().with_adjoint_paths(0.75).unwrap();
+    assert!(predictor.supports(&object).unwrap().gradient);
+    let mut bound = predictor.bind(Arc::clone(&object)).unwrap();
+    bound.update(&grid, Changed::Unknown, &none).unwrap();
+    let points = object.points();
+    let weights: Vec<f32> = (0..3 * points.len()).map(|i| (i % 11) as f32 - 4.0).collect();
+    let mut found = Calls::default();
+    bound.pullback(&points, Draw::new(6, Pass::Judge(2)), &weights, &mut found, &none).unwrap();
+    let volume = Volume::new(&grid, object.surface(), &none).unwrap();
+    let options = TraceOptions { seed: 6, ..TraceOptions::default() };
+    let tracer = Tracer::new(&volume, object.materials(), options).unwrap();
+    let (adjoint, mut expected) = (AdjointOptions { paths: 0.75 }, Calls::default());
+    let pass = Pass::Judge(2).number();
+    tracer.pullback(&points, pass, &weights, &adjoint, &mut expected, &none).unwrap();
+    assert!(found.0.len() > 1000 && found.0 == expected.0);
+}
+
 #[test]
 fn instruction_sets_are_recorded_and_change_no_bit() {
     let (grid, none) = (grid(), Control::none());
@@ -68,12 +114,13 @@ fn instruction_sets_are_recorded_and_change_no_bit() {
 fn settings_are_checked_and_recorded() {
     assert!(matches!(MonteCarlo::new(0), Err(PredictError::Invalid(f)) if f.subject == "spp"));
     assert!(MonteCarlo::new(1).unwrap().with_roulette(f32::NAN).is_err());
+    assert!(MonteCarlo::new(1).unwrap().with_adjoint_paths(0.0).is_err());
     let identity =
         MonteCarlo::new(9).unwrap().with_roulette(0.5).unwrap().with_tracking(Tracking::Delta).identity();
     assert_eq!(identity.name, "mc");
     let settings: Vec<(&str, &str)> =
         identity.settings.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
-    assert_eq!(settings, [("roulette", "0.5"), ("spp", "9"), ("tracking", "delta")]);
+    assert_eq!(settings, [("adjoint-paths", "2"), ("roulette", "0.5"), ("spp", "9"), ("tracking", "delta")]);
 }
 
 #[test]

@@ -9,5 +9,7 @@ mod common;
 mod differences;
 #[path = "pullback/edges.rs"]
 mod edges;
+#[path = "pullback/mixtures.rs"]
+mod mixtures;
 #[path = "pullback/sums.rs"]
 mod sums;

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicI64, Ordering};
 
+use rayon::prelude::*;
+
 use super::{Derivatives, Phases};
 use crate::TraceError;
 use crate::bricks::{BRICK, MARGIN};
@@ -43,14 +45,14 @@ impl Cells {
         }
         let stride = 1 + phases;
         let count = bricks.len() * BRICK.pow(3) * stride;
-        let mut sums = Vec::new();
+        let mut sums: Vec<AtomicI64> = Vec::new();
         if sums.try_reserve_exact(count).is_err() {
             return Err(TraceError::unsupported(
                 "derivative",
                 format!("{} bytes for {} boxes of 64 voxels; want fewer", count * 8, bricks.len()),
             ));
         }
-        sums.resize_with(count, AtomicI64::default);
+        sums.par_extend((0..count).into_par_iter().map(|_| AtomicI64::new(0)));
         Ok(Self { table, bricks, sums, stride })
     }
 
@@ -58,36 +60,30 @@ impl Cells {
         &self.table
     }
 
-    /// Position of a voxel's sums, of what the table says of its brick (not 0) and its place within.
+    /// The sums of a cell.
     #[inline(always)]
-    pub(crate) fn at(&self, brick: u32, local: u32) -> usize {
-        ((brick as usize - 1) * 64 + local as usize) * self.stride
+    pub(crate) fn sums(&self, cell: u32) -> &[AtomicI64] {
+        &self.sums[cell as usize * self.stride..][..self.stride]
     }
 
+    /// Adds to a cell's length and to its scatterings by every phase function.
     #[inline(always)]
-    fn add(&self, at: usize, value: f32) {
-        self.sums[at].fetch_add((value * UNIT) as i64, Ordering::Relaxed);
-    }
-
-    /// Adds a flight's T l and b w l.
-    #[inline(always)]
-    pub(crate) fn fly(&self, at: usize, length: f32, baseline: f32) {
-        self.add(at, length);
-        if baseline != 0.0 {
-            (1..self.stride).for_each(|k| self.add(at + k, baseline));
+    pub(crate) fn add(&self, cell: u32, length: f32, scattering: f32) {
+        let sums = self.sums(cell);
+        if length != 0.0 {
+            add(&sums[0], length);
+        }
+        if scattering != 0.0 {
+            sums[1..].iter().for_each(|sum| add(sum, scattering));
         }
     }
 
-    /// Adds a scattering by a voxel of the palette's material `byte` at a cosine, of `value` T - b w.
+    /// Adds a scattering by the palette's material `byte` at a cosine: `value` is that of the material's own phase
+    /// function.
     #[inline(always)]
-    pub(crate) fn scatter(&self, at: usize, value: f32, phases: &Phases, byte: u32, cosine: f32) {
-        let value = value * phases.inv_sigma_s[byte as usize];
-        if phases.several() {
-            for k in 0..self.stride - 1 {
-                self.add(at + 1 + k, value * phases.ratio(k, byte, cosine));
-            }
-        } else {
-            self.add(at + 1, value);
+    pub(crate) fn scatter(&self, cell: u32, value: f32, phases: &Phases, byte: u32, cosine: f32) {
+        for (k, sum) in self.sums(cell)[1..].iter().enumerate() {
+            add(sum, value * phases.ratio(k, byte, cosine));
         }
     }
 
@@ -126,4 +122,9 @@ impl Cells {
         }
         Ok(())
     }
+}
+
+#[inline(always)]
+fn add(sum: &AtomicI64, value: f32) {
+    sum.fetch_add((value * UNIT) as i64, Ordering::Relaxed);
 }

@@ -61,3 +61,48 @@ impl Plan {
         (first..point + 1, paths)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        /// Groups hold every sample of every point once, in order.
+        #[test]
+        fn groups_are_all_paths_in_order(
+            weights in prop::collection::vec(-3.0f32..3.0, 1..40),
+            share in 0.0f64..900.0,
+        ) {
+            let keys = || (0..weights.len() as u64).map(rng::mix);
+            let plan = Plan::new(weights.iter().copied(), keys(), share).unwrap();
+            let expected: Vec<(usize, u32)> = weights
+                .iter()
+                .zip(keys())
+                .enumerate()
+                .flat_map(|(i, (r, key))| {
+                    let count = (f64::from(r.abs()) * share + rng::point_unit(key)) as u32;
+                    (0..count).map(move |sample| (i, sample))
+                })
+                .collect();
+            let got: Vec<(usize, u32)> = plan
+                .groups()
+                .flat_map(|g| {
+                    let (range, paths) = plan.group(g);
+                    assert!(paths.len() as u64 <= TOGETHER && !paths.is_empty());
+                    assert!(paths.iter().all(|p| range.contains(&(range.start + p.start as usize))));
+                    paths.into_iter().map(move |p| (range.start + p.start as usize, p.sample))
+                })
+                .collect();
+            prop_assert_eq!(plan.paths(), expected.len() as u64);
+            prop_assert_eq!(got, expected);
+        }
+    }
+
+    #[test]
+    fn more_paths_than_can_be_numbered_are_refused() {
+        assert!(Plan::new([1.0f32].into_iter(), [0u64].into_iter(), 4e9).is_ok());
+        assert!(Plan::new([1.0f32].into_iter(), [0u64].into_iter(), 5e9).is_err());
+    }
+}

@@ -1,5 +1,6 @@
 //! Estimation of the derivative, channel by channel.
 
+use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
 use pellucid_voxel::Control;
@@ -12,7 +13,7 @@ use crate::volume::Start;
 use crate::{TraceError, Tracer, rng};
 
 /// Least mean throughput of paths whose scatterings are counted against a baseline.
-const PALE: f64 = 0.5;
+const PALE: f64 = 0.6;
 
 impl Tracer<'_> {
     /// Adds the derivative of `sum(d_radiance * radiance)` by the amount (volume fraction, 0 to 1) of each of the
@@ -77,7 +78,7 @@ impl Tracer<'_> {
         let plans: Vec<Plan> = (0..self.channels())
             .map(|c| {
                 let weights = d_radiance[c..].iter().step_by(self.channels()).copied();
-                Plan::new(weights, points.iter().map(|&p| self.key(p, c, iteration)), 1.0 / per_path)
+                Plan::new(weights, points.iter().map(|&p| self.adjoint_key(p, c, iteration)), 1.0 / per_path)
             })
             .collect::<Result<_, _>>()?;
         let total = plans.iter().map(Plan::paths).sum();
@@ -85,72 +86,78 @@ impl Tracer<'_> {
         let phases = |c| Phases::new(&self.materials, self.volume.palette(), c);
         let mut cells = Cells::new(self.volume, out, phases(0).len())?;
         for (c, plan) in plans.iter().enumerate() {
-            let phases = phases(c);
+            let pass = Pass { tracer: self, points, d_radiance, iteration, channel: c, phases: phases(c) };
             plan.groups().into_par_iter().try_for_each(|group| {
                 control.check()?;
-                let count = self.splat(points, c, iteration, d_radiance, plan.group(group), &cells, &phases);
+                let (range, paths) = plan.group(group);
+                let count = paths.len() as u64;
+                pass.splat(range, paths, &cells);
                 control.advance(&done, count, total);
                 Ok::<_, TraceError>(())
             })?;
-            self.hand_out(c, per_path, &mut cells, &phases, out, control)?;
+            pass.hand_out(per_path, &mut cells, out, control)?;
         }
         Ok(total)
     }
 
-    fn key(&self, point: u32, channel: usize, iteration: u32) -> u64 {
+    /// Random key of a point's paths.
+    fn adjoint_key(&self, point: u32, channel: usize, iteration: u32) -> u64 {
         rng::point_key(rng::adjoint_seed(self.options.seed), iteration, channel as u32, point)
     }
+}
 
-    /// Walks a group of paths and adds their parts; returns their number.
-    #[allow(clippy::too_many_arguments, reason = "all of them differ in kind")]
-    fn splat(
-        &self,
-        points: &[u32],
-        channel: usize,
-        iteration: u32,
-        d_radiance: &[f32],
-        (range, mut paths): (std::ops::Range<usize>, Vec<Path>),
-        cells: &Cells,
-        phases: &Phases,
-    ) -> u64 {
-        let scene = self.scene(channel);
-        let starts: Vec<Start> = points[range.clone()].iter().map(|&p| self.volume.start(p)).collect();
-        let keys: Vec<u64> = points[range.clone()].iter().map(|&p| self.key(p, channel, iteration)).collect();
-        let count = paths.len();
+/// The derivative of one channel.
+struct Pass<'a> {
+    tracer: &'a Tracer<'a>,
+    points: &'a [u32],
+    d_radiance: &'a [f32],
+    iteration: u32,
+    channel: usize,
+    phases: Phases,
+}
+
+impl Pass<'_> {
+    /// Walks paths of a range of points and adds their parts.
+    fn splat(&self, range: Range<usize>, mut paths: Vec<Path>, cells: &Cells) {
+        let (tracer, channel) = (self.tracer, self.channel);
+        let scene = tracer.scene(channel);
+        let points = &self.points[range.clone()];
+        let starts: Vec<Start> = points.iter().map(|&p| tracer.volume.start(p)).collect();
+        let keys: Vec<u64> = points.iter().map(|&p| tracer.adjoint_key(p, channel, self.iteration)).collect();
         let (starts, keys) = (&starts[..], &keys[..]);
-        let weights = kernel::weigh(self.form, &scene, &Addressed { paths: &paths, starts, keys });
+        let weights = kernel::weigh(tracer.form, &scene, &Addressed { paths: &paths, starts, keys });
         let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
         for (path, &weight) in paths.iter_mut().zip(&weights) {
-            let others = (sum - f64::from(weight)) / (count as f64 - 1.0).max(1.0);
+            let others = (sum - f64::from(weight)) / (weights.len() as f64 - 1.0).max(1.0);
             let baseline = if others > PALE { others as f32 } else { 0.0 };
-            let sign = d_radiance[(range.start + path.start as usize) * self.channels() + channel].signum();
+            let point = range.start + path.start as usize;
+            let sign = self.d_radiance[point * tracer.channels() + channel].signum();
             path.scores = Scores { throughput: sign * weight, baseline: sign * baseline };
         }
         paths.retain(|path| path.scores.throughput != 0.0 || path.scores.baseline != 0.0);
-        kernel::replay(self.form, &scene, &Addressed { paths: &paths, starts, keys }, cells, phases);
-        count as u64
+        kernel::replay(tracer.form, &scene, &Addressed { paths: &paths, starts, keys }, cells, &self.phases);
     }
 
     /// Turns the sums of a channel into derivatives by material.
     fn hand_out(
         &self,
-        channel: usize,
         per_path: f64,
         cells: &mut Cells,
-        phases: &Phases,
         out: &mut dyn Derivatives,
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
-        let rows: Vec<(u8, f64, f64, usize)> = (1..=self.materials.len())
+        let (tracer, channel) = (self.tracer, self.channel);
+        let materials = &tracer.materials;
+        let rows: Vec<(u8, f64, f64, usize)> = (1..=materials.len())
             .map(|label| {
-                let m = &self.materials.materials()[label - 1];
+                let m = &materials.materials()[label - 1];
                 let (s, a) = (f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel]));
-                (label as u8, s * per_path, (s + a) * per_path, 1 + phases.of(label - 1))
+                (label as u8, s * per_path, (s + a) * per_path, 1 + self.phases.of(label - 1))
             })
             .collect();
         let region = out.region();
         cells.drain(
-            self.volume,
+            tracer.volume,
             region,
             || Ok(control.check()?),
             |voxel, sums| {

@@ -111,7 +111,9 @@ pub(crate) fn weigh(form: Form, scene: &Scene<'_>, paths: &Addressed<'_>) -> Vec
 
 /// Walks paths again and adds what their scores make of their steps to `cells`.
 pub(crate) fn replay(form: Form, scene: &Scene<'_>, paths: &Addressed<'_>, cells: &Cells, phases: &Phases) {
-    walk::<true, _>(form, scene, &mut Replay::new(paths, cells, phases));
+    let mut work = Replay::new(paths, cells, phases);
+    walk::<true, _>(form, scene, &mut work);
+    work.finish();
 }
 
 /// Walks the paths of `work`. `RECORD` hands it every step.

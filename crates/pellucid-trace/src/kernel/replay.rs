@@ -51,12 +51,26 @@ pub(super) struct Weights<'a> {
     pub(super) weights: Vec<f32>,
 }
 
+/// Additions that wait for their memory.
+const PENDING: usize = 64;
+
 /// Paths whose steps are splat.
 pub(super) struct Replay<'a> {
     paths: &'a Addressed<'a>,
     next: usize,
     cells: &'a Cells,
     phases: &'a Phases,
+    /// A ring: the oldest is at `place`.
+    pending: [Splat; PENDING],
+    place: usize,
+}
+
+/// What is added to a cell's length and to its scatterings.
+#[derive(Clone, Copy, Default)]
+struct Splat {
+    cell: u32,
+    length: f32,
+    scattering: f32,
 }
 
 impl<'a> Weights<'a> {
@@ -67,7 +81,24 @@ impl<'a> Weights<'a> {
 
 impl<'a> Replay<'a> {
     pub(super) fn new(paths: &'a Addressed<'a>, cells: &'a Cells, phases: &'a Phases) -> Self {
-        Self { paths, next: 0, cells, phases }
+        Self { paths, next: 0, cells, phases, pending: [Splat::default(); PENDING], place: 0 }
+    }
+
+    /// Adds once the memory had time to come: paths wander through more of it than caches hold.
+    #[inline(always)]
+    fn add(&mut self, splat: Splat) {
+        prefetch(self.cells.sums(splat.cell));
+        let old = std::mem::replace(&mut self.pending[self.place], splat);
+        self.place = (self.place + 1) % PENDING;
+        self.cells.add(old.cell, old.length, old.scattering);
+    }
+
+    /// Adds what waits still.
+    pub(super) fn finish(&mut self) {
+        for splat in self.pending {
+            self.cells.add(splat.cell, splat.length, splat.scattering);
+        }
+        self.pending = [Splat::default(); PENDING];
     }
 }
 
@@ -110,39 +141,67 @@ impl Work for Replay<'_> {
         let none = l.splat_i(0);
         let (brick, local) = cells(l, constants, self.cells.table(), &trail.point);
         let flown = v.alive & !l.mask_bits(l.eq_i(brick, none));
+        let mut scattered = v.alive & l.mask_bits(trail.scatters);
+        if flown | scattered == 0 {
+            return;
+        }
+        let mut splats = [Splat::default(); 16];
         if flown != 0 {
-            let (brick, local) = (l.store_i(brick), l.store_i(local));
+            let cell = l.store_i(cell_of(l, brick, local));
             let (length, weight) = (l.store(trail.length), l.store(trail.weight));
             for lane in bits(flown) {
                 let scores = &self.paths.paths[v.owner[lane] as usize].scores;
-                let length = length[lane];
-                let at = self.cells.at(brick[lane], local[lane]);
-                self.cells.fly(at, scores.throughput * length, scores.baseline * weight[lane] * length);
+                splats[lane] = Splat {
+                    cell: cell[lane],
+                    length: scores.throughput * length[lane],
+                    scattering: scores.baseline * weight[lane] * length[lane],
+                };
             }
         }
-        let scattered = v.alive & l.mask_bits(trail.scatters);
-        if scattered == 0 {
-            return;
+        if scattered != 0 {
+            let (brick, local) = cells(l, constants, self.cells.table(), &v.paths.position);
+            scattered &= !l.mask_bits(l.eq_i(brick, none));
+            let cell = l.store_i(cell_of(l, brick, local));
+            let (byte, kept) = (l.store_i(v.paths.byte), l.store(trail.kept));
+            let cosine = if self.phases.several() {
+                l.store(dot(l, &trail.heading, &v.paths.direction))
+            } else {
+                [0.0; 16]
+            };
+            for lane in bits(scattered) {
+                let scores = &self.paths.paths[v.owner[lane] as usize].scores;
+                let byte = byte[lane] & 15;
+                let value = scores.throughput - scores.baseline * kept[lane];
+                let value = value * self.phases.inv_sigma_s[byte as usize];
+                if self.phases.several() {
+                    self.cells.scatter(cell[lane], value, self.phases, byte, cosine[lane]);
+                } else if flown >> lane & 1 != 0 && splats[lane].cell == cell[lane] {
+                    splats[lane].scattering += value;
+                } else {
+                    self.add(Splat { cell: cell[lane], length: 0.0, scattering: value });
+                }
+            }
         }
-        let (brick, local) = cells(l, constants, self.cells.table(), &v.paths.position);
-        let scattered = scattered & !l.mask_bits(l.eq_i(brick, none));
-        if scattered == 0 {
-            return;
-        }
-        let (brick, local) = (l.store_i(brick), l.store_i(local));
-        let (byte, kept) = (l.store_i(v.paths.byte), l.store(trail.kept));
-        let cosine = if self.phases.several() {
-            l.store(dot(l, &trail.heading, &v.paths.direction))
-        } else {
-            [0.0; 16]
-        };
-        for lane in bits(scattered) {
-            let scores = &self.paths.paths[v.owner[lane] as usize].scores;
-            let value = scores.throughput - scores.baseline * kept[lane];
-            let at = self.cells.at(brick[lane], local[lane]);
-            self.cells.scatter(at, value, self.phases, byte[lane] & 15, cosine[lane]);
+        for lane in bits(flown) {
+            self.add(splats[lane]);
         }
     }
+}
+
+/// Numbers of cells, of what their table says of a brick, 1 and more, and a voxel within it.
+#[inline(always)]
+fn cell_of<L: Lanes>(l: L, brick: L::I, local: L::I) -> L::I {
+    l.or_i(l.shl::<6>(l.sub_i(brick, l.splat_i(1))), local)
+}
+
+#[inline(always)]
+fn prefetch<T>(from: &[T]) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: SSE is part of x86-64, and a prefetch of any address has no effect but on caches.
+    unsafe {
+        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(from.as_ptr().cast());
+    }
+    let _ = from;
 }
 
 #[inline(always)]

@@ -12,7 +12,7 @@ use crate::common::{Object, hash};
 fn halftone(seed: u32) -> Object {
     Object::new(Pitch::j750(), [30, 18, 40], move |v| {
         let h = hash([v[0] ^ seed << 8, v[1], v[2]]);
-        if h % 3 == 0 { 1 + (h / 3 % 5) as u8 } else { 5 }
+        if h.is_multiple_of(3) { 1 + (h / 3 % 5) as u8 } else { 5 }
     })
 }
 

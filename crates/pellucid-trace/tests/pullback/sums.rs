@@ -91,6 +91,7 @@ impl Measured {
         let error = self.error.hypot(other.error);
         let z = (self.mean - other.mean) / error;
         let text = format!("{what}: {self:?} for {other:?}, z = {z:.2}");
+        println!("{text}");
         assert!(z.abs() < 3.5, "{text}");
         assert!(error <= most, "too noisy to tell: {text}");
     }
