@@ -10,8 +10,8 @@ use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
 use pellucid::predict::NetworkDevice;
 use pellucid::stage::{Observer, Stage};
 use pellucid::{
-    ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record, StrategyKind,
-    Workspace,
+    GradientKind, ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record,
+    StrategyKind, Workspace,
 };
 
 use crate::progress::{Bars, peak_memory_bytes};
@@ -63,7 +63,7 @@ pub struct Args {
     /// Paths a surface point and channel in each iteration, where points are traced
     #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
     spp: Option<u32>,
-    /// Refinement iterations; 0 leaves the unrefined halftone
+    /// Refinement iterations at most; 10 without it, 30 of descent. 0 leaves the unrefined halftone
     #[arg(long, value_name = "N", value_parser = arguments::count, allow_hyphen_values = true)]
     iterations: Option<u32>,
     /// Seed of everything random; the same seed gives the same slices
@@ -95,6 +95,9 @@ enum Predictor {
     /// Whichever is ahead on the object at hand, by trial
     Auto,
 }
+
+/// Iterations of a descent: after them the heuristic's opening is left far behind, and little more is gained.
+const DESCENT_ITERATIONS: u32 = 30;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Strategy {
@@ -173,10 +176,12 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
             Strategy::SurfaceFirst => StrategyKind::SurfaceFirst,
             Strategy::Descent => StrategyKind::Descent,
         };
+        if settings.strategy == StrategyKind::Descent && args.settings.is_none() {
+            settings.refine.iterations = DESCENT_ITERATIONS;
+        }
     }
     if let Some(file) = &args.weights {
-        if settings.predictor == PredictorKind::MonteCarlo && settings.strategy == StrategyKind::SurfaceFirst
-        {
+        if settings.predictor == PredictorKind::MonteCarlo && settings.gradient == GradientKind::Paths {
             return Err(Failure::message("--weights are the network's; add --predictor rpnn"));
         }
         settings.weights = Some(NetworkWeights::load(file)?);

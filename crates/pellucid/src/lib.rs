@@ -116,6 +116,6 @@ pub use record::{ModelRecord, Record};
 #[cfg(feature = "job")]
 pub use report::Report;
 #[cfg(feature = "job")]
-pub use settings::{PredictorKind, PrintSettings, StrategyKind};
+pub use settings::{GradientKind, PredictorKind, PrintSettings, StrategyKind};
 #[cfg(feature = "job")]
 pub use workspace::Workspace;

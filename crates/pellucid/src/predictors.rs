@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 #[cfg(feature = "rpnn")]
 use pellucid_predict::PredictError;
-use pellucid_predict::{MonteCarlo, Predictor};
+use pellucid_predict::{MonteCarlo, Predictor, WithGradient};
 
-use crate::{PredictorKind, PrintError, PrintSettings, StrategyKind};
+use crate::{GradientKind, PredictorKind, PrintError, PrintSettings, StrategyKind};
 
 /// The path tracer with `spp` paths a point and channel.
 pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCarlo, PrintError> {
@@ -17,25 +17,23 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
     Ok(tracer)
 }
 
-/// The predictor that settings name; the path tracer where an object has to decide.
+/// The predictor that settings name, with the gradient that their strategy needs; the path tracer where an object has
+/// to decide.
 pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
     let tracer = monte_carlo(settings, settings.spp)?;
-    match (settings.predictor, settings.strategy) {
-        (PredictorKind::Rpnn, _) => corrected(settings, tracer),
-        (_, StrategyKind::SurfaceFirst) => Ok(Arc::new(tracer)),
-        (_, StrategyKind::Descent) => by_network(settings, tracer),
+    let values: Arc<dyn Predictor> = match settings.predictor {
+        PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer),
+        PredictorKind::Rpnn => corrected(settings, tracer)?,
+    };
+    let by_paths = settings.predictor != PredictorKind::Rpnn;
+    match (settings.strategy, settings.gradient) {
+        (StrategyKind::SurfaceFirst, _) => Ok(values),
+        (StrategyKind::Descent, GradientKind::Paths) if by_paths => Ok(values),
+        (StrategyKind::Descent, GradientKind::Paths) => Ok(Arc::new(WithGradient::new(values, tracer))),
+        (StrategyKind::Descent, GradientKind::Network) => {
+            Ok(Arc::new(WithGradient::new(values, network(settings)?)))
+        }
     }
-}
-
-/// The values of paths with the network's gradient.
-#[cfg(feature = "rpnn")]
-fn by_network(settings: &PrintSettings, tracer: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
-    Ok(Arc::new(pellucid_predict::WithGradient::new(tracer, network(settings)?)))
-}
-
-#[cfg(not(feature = "rpnn"))]
-fn by_network(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
-    Err(no_network("descent needs the network's gradient; build with the feature \"weights\""))
 }
 
 #[cfg(feature = "rpnn")]
@@ -46,6 +44,11 @@ fn corrected(settings: &PrintSettings, tracer: MonteCarlo) -> Result<Arc<dyn Pre
 #[cfg(not(feature = "rpnn"))]
 fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
     Err(no_network("this build has no network; build with the feature \"weights\""))
+}
+
+#[cfg(not(feature = "rpnn"))]
+fn network(_: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
+    Err(no_network("this build has no network's gradient; build with the feature \"weights\""))
 }
 
 /// The network alone: what the report compares with the judge's paths.

@@ -56,6 +56,19 @@ pub enum StrategyKind {
     Descent,
 }
 
+/// Where [`StrategyKind::Descent`] takes derivatives from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum GradientKind {
+    /// A few paths of each point, walked twice: without bias.
+    #[default]
+    #[serde(rename = "paths")]
+    Paths,
+    /// The network (feature `rpnn`): without noise.
+    #[serde(rename = "network")]
+    Network,
+}
+
 impl StrategyKind {
     /// The name on the command line and in reports.
     pub fn name(self) -> &'static str {
@@ -119,6 +132,8 @@ pub struct PrintSettings {
     pub surface_first: SurfaceFirst,
     /// Settings of [`StrategyKind::Descent`].
     pub descent: Descent,
+    /// Where it takes derivatives from.
+    pub gradient: GradientKind,
     /// Seed of everything random.
     pub seed: u64,
     /// What the judge traces.
@@ -151,6 +166,7 @@ impl Default for PrintSettings {
             strategy: StrategyKind::default(),
             surface_first: SurfaceFirst::default(),
             descent: Descent::default(),
+            gradient: GradientKind::default(),
             seed: 0,
             judge: Effort::default(),
             judge_spp: 3,

@@ -71,4 +71,11 @@ impl MaterialGradient for CellGradient<'_> {
             self.values[cell + usize::from(position)] += derivative;
         }
     }
+
+    fn wants(&self, first: [u32; 3], end: [u32; 3]) -> bool {
+        let [x, y, mut z] = [0, 1, 2].map(|a| first[a]..end[a]);
+        z.any(|z| {
+            y.clone().any(|y| x.clone().any(|x| self.setup.problem.nearest.nearest([x, y, z]).is_some()))
+        })
+    }
 }
