@@ -374,7 +374,7 @@ mod tests {
             densities.push((least * most).sqrt());
         }
         // Four standard errors of 200 draws with even chances.
-        assert!((100 - others as i32).abs() <= 28, "{others}");
+        assert!((100i32 - others).abs() <= 28, "{others}");
         assert!(densities.iter().any(|d| *d > 4.0) && densities.iter().any(|d| *d < 0.25));
     }
 

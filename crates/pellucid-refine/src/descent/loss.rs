@@ -16,6 +16,9 @@ pub(super) struct Weights {
     pub forgiveness: f32,
 }
 
+/// Gradient by a shown colour, and curvature times reach.
+type Slopes = ([f32; 3], [f32; 3]);
+
 /// One scale at which the print is looked at.
 pub(super) struct Scale<'a> {
     pub smoother: &'a SurfaceSmoother,
@@ -63,8 +66,8 @@ impl<'a> Scale<'a> {
         let reach = self.smoother.smooth(reach.to_vec(), control)?;
         let points = smooth.par_iter().zip(&reach).zip(&self.aim).zip(&self.rows);
         let each = points.map(|(((&rgb, &reach), &aim), rows)| self.point(rgb, reach, aim, rows));
-        let (loss, derivatives): (Vec<f32>, Vec<([f32; 3], [f32; 3])>) = each.unzip();
-        let (gradient, curvature): (Vec<_>, Vec<_>) = derivatives.into_iter().unzip();
+        let (loss, slopes): (Vec<f32>, Vec<Slopes>) = each.unzip();
+        let (gradient, curvature): (Vec<_>, Vec<_>) = slopes.into_iter().unzip();
         found.loss.par_iter_mut().zip(loss).for_each(|(sum, loss)| *sum += loss);
         let add = |to: &mut [[f32; 3]], values: Vec<[f32; 3]>| {
             let values = self.smoother.transposed(values, control)?;
@@ -76,13 +79,7 @@ impl<'a> Scale<'a> {
     }
 
     /// Loss, gradient, and curvature times reach at one point.
-    fn point(
-        &self,
-        rgb: [f32; 3],
-        reach: [f32; 3],
-        aim: [f32; 3],
-        rows: &[f32; 5],
-    ) -> (f32, ([f32; 3], [f32; 3])) {
+    fn point(&self, rgb: [f32; 3], reach: [f32; 3], aim: [f32; 3], rows: &[f32; 5]) -> (f32, Slopes) {
         let by_rgb = lab_derivative_of_linear_rgb(rgb);
         let weighed =
             |v: [f32; 3]| [rows[0] * v[0], rows[1] * v[1] + rows[2] * v[2], rows[3] * v[1] + rows[4] * v[2]];
