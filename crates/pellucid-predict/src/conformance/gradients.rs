@@ -9,8 +9,16 @@ use super::values::pool;
 use super::{Bound, Case, DRAW, Trial, Violation};
 use crate::{BoundPredictor, Draw, MaterialGradient, Pass, PredictError, Predictor};
 
-/// What a gradient may differ by where rounding is all that differs, as a part of its largest value.
+/// What a gradient may differ by where rounding is all that differs, as a part of its largest value: in f32, and where a
+/// predictor's identity says that its precision is bf16, whose products are rounded to 8 bits.
 const ROUNDING: f64 = 1e-4;
+const ROUNDING_BF16: f64 = 1e-2;
+
+fn rounding(predictor: &dyn Predictor) -> f64 {
+    let identity = predictor.identity();
+    let bf16 = identity.settings.get("precision").is_some_and(|precision| precision == "bf16");
+    if bf16 { ROUNDING_BF16 } else { ROUNDING }
+}
 
 /// What was added, in order, and its sums.
 #[derive(Default)]
@@ -52,8 +60,8 @@ impl Collected {
 
 /// A predictor that says it has a gradient gives the same calls for any number of threads and again, finite, for solid
 /// voxels of the region and materials of the table; sums that follow the weights linearly and add up over parts of the
-/// points (on average over draws where it has random error); stops when told; and refuses what does not fit. One that says it has none says so when asked. That the
-/// gradient is that of the prediction is for tests of one's own to show.
+/// points (on average over draws where it has random error); stops when told; and refuses what does not fit. One that
+/// says it has none says so when asked. That the gradient is that of the prediction is for tests of one's own to show.
 ///
 /// # Errors
 /// [`Violation`] otherwise.
@@ -167,7 +175,7 @@ fn linear_on_average(trial: &Trial<'_>, bound: &Bound) -> Result<(), Violation> 
         let variance = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / f64::from(DRAWS - 1);
         let error = (variance / f64::from(DRAWS)).sqrt();
         trial.ensure(
-            mean.abs() <= 6.0 * error + ROUNDING * size,
+            mean.abs() <= 6.0 * error + rounding(trial.predictor) * size,
             format!("the gradient of {what} is off by {mean} on average, with a standard error of {error}"),
         )?;
     }
@@ -196,7 +204,7 @@ fn close(
     found: &Collected,
     expected: impl Fn(&([u32; 3], u8)) -> f64,
 ) -> Result<(), Violation> {
-    let tolerance = ROUNDING * found.largest();
+    let tolerance = rounding(trial.predictor) * found.largest();
     for (at, value) in &found.sums {
         let expected = expected(at);
         trial.ensure(

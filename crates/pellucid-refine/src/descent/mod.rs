@@ -19,14 +19,13 @@ use patches::Patches;
 pub use state::DescentState;
 use state::{CellMixtures, Cells};
 
-/// Standard deviation in mm of the finer Gaussian that the print is looked at through, and how much it counts beside
-/// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
+/// Standard deviation in mm of the finer Gaussian that the print is looked at through, and that derivatives are smoothed
+/// by over the surface.
 const FINE_MM: f64 = 0.045;
+/// How much it counts beside [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
 const FINE_WEIGHT: f32 = 0.25;
 /// Steps after which the bound of the loss's curvature is found anew.
 const REFRESH: u32 = 6;
-/// Derivatives are smoothed over the surface by a Gaussian of so many mm.
-const GRADIENT_MM: f64 = 0.045;
 /// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
 /// before them.
 const SETTLED: f64 = 0.005;
@@ -159,8 +158,7 @@ impl Descent {
             state.take_curvature(setup, &by_inks, expected);
         }
         let gradient = pull(setup, seen, draw, &found.gradient, control)?;
-        let smoother = SurfaceSmoother::new(surface, GRADIENT_MM, control)?;
-        let moved = step::take(self, Cells::of(setup), state, &patches, gradient, &smoother, control)?;
+        let moved = step::take(self, Cells::of(setup), state, &patches, gradient, &fine, control)?;
         state.steps += 1;
         Ok(Moved { loss: Some(total), step: Some(moved), settled: settled(&state.losses) })
     }
