@@ -107,7 +107,7 @@ pub fn markdown(rows: &[Row], candidates: &[Candidate], pictures: &[(String, Str
         shared::description()
     );
     for c in candidates {
-        let parameters = c.trained.weights.variant().parameters();
+        let parameters = c.trained.weights.values().len();
         let _ = writeln!(out, "- {}: {parameters} parameters. {}", c.name, c.trained.provenance.history);
     }
     for set in sets(rows) {
