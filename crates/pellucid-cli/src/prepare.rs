@@ -96,9 +96,6 @@ enum Predictor {
     Auto,
 }
 
-/// Iterations of a descent: after them the heuristic's opening is left far behind, and little more is gained.
-const DESCENT_ITERATIONS: u32 = 30;
-
 #[derive(Clone, Copy, ValueEnum)]
 enum Strategy {
     /// Correct each surface voxel's own column, from the surface down
@@ -176,8 +173,8 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
             Strategy::SurfaceFirst => StrategyKind::SurfaceFirst,
             Strategy::Descent => StrategyKind::Descent,
         };
-        if settings.strategy == StrategyKind::Descent && args.settings.is_none() {
-            settings.refine.iterations = DESCENT_ITERATIONS;
+        if args.settings.is_none() {
+            settings.refine.iterations = settings.strategy.iterations();
         }
     }
     if let Some(file) = &args.weights {

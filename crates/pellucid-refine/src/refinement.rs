@@ -53,6 +53,8 @@ pub struct Refinement<'a, S: Strategy> {
     memory: Learned,
     /// The iteration whose labels the caller and the predictor have, when nothing failed since.
     held: Option<u32>,
+    /// Made with the first update.
+    tools: Option<S::Tools>,
 }
 
 /// What a prediction says of an iterate.
@@ -108,6 +110,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             report,
             memory: Learned::default(),
             held: None,
+            tools: None,
         })
     }
 
@@ -230,7 +233,11 @@ impl<'a, S: Strategy> Refinement<'a, S> {
                 bound: &*bound,
                 draw: self.draw(iteration),
             };
-            let moved = self.strategy.update(&self.setup, &mut next, &seen, &control.silent())?;
+            let tools = match &mut self.tools {
+                Some(tools) => tools,
+                none => none.insert(self.strategy.tools(&self.setup, &self.smoother, &control.silent())?),
+            };
+            let moved = self.strategy.update(&self.setup, tools, &mut next, &seen, &control.silent())?;
             (Some(next), moved)
         } else {
             (None, Moved::default())

@@ -21,6 +21,9 @@ pub trait Strategy {
     /// What is saved with a job. Long arrays should serialise compactly; see [`packed`](crate::packed).
     type State: Clone + Serialize + DeserializeOwned;
 
+    /// What follows from the problem alone and updates use again and again; made before the first of them.
+    type Tools;
+
     /// A short name for reports and checkpoints.
     fn name(&self) -> &str;
 
@@ -53,6 +56,18 @@ pub trait Strategy {
         control: &Control<'_>,
     ) -> Result<Planned<'s>, RefineError>;
 
+    /// Makes the tools. `smoother` is the Gaussian of
+    /// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm).
+    ///
+    /// # Errors
+    /// [`RefineError::Cancelled`].
+    fn tools(
+        &self,
+        setup: &Setup<'_>,
+        smoother: &SurfaceSmoother,
+        control: &Control<'_>,
+    ) -> Result<Self::Tools, RefineError>;
+
     /// Moves the state by what was predicted of its labels. The state is dropped when it fails.
     ///
     /// # Errors
@@ -60,6 +75,7 @@ pub trait Strategy {
     fn update(
         &self,
         setup: &Setup<'_>,
+        tools: &Self::Tools,
         state: &mut Self::State,
         seen: &Seen<'_>,
         control: &Control<'_>,
@@ -106,7 +122,7 @@ pub trait Mixtures: Sync {
     fn thresholds<'r>(&'r self, cell: &Cell, scratch: &'r mut [u16]) -> &'r [u16];
 }
 
-/// A voxel of the coloured depth.
+/// A voxel of the coloured depth, and the cell (surface voxel and layer) that it lies in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cell {
     /// The voxel.
@@ -178,7 +194,7 @@ pub struct Seen<'s> {
     /// The printable target less the smoothed shortfall, not below 0: what is shown, without the noise finer than
     /// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm).
     pub smoothed: &'s [[f32; 3]],
-    /// The Gaussian of [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm).
+    /// The Gaussian that [`Strategy::tools`] was given.
     pub smoother: &'s SurfaceSmoother,
     /// [`Planned::overflow`] of this iterate.
     pub overflow: &'s [[f32; 3]],

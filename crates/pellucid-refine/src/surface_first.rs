@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::problem::MAX_LABELS;
 use crate::settings::check_ranges;
-use crate::{InkModel, LayerMixtures, Moved, Planned, RefineError, Seen, Setup, Strategy};
+use crate::{InkModel, LayerMixtures, Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceSmoother};
 
 /// Ink coverage up to which highlight layers stay white, and from which they take all ink.
 const HIGHLIGHT_COVER: [f32; 2] = [0.2, 0.6];
@@ -55,6 +55,7 @@ struct Spread {
 
 impl Strategy for SurfaceFirst {
     type State = SurfaceFirstState;
+    type Tools = ();
 
     fn name(&self) -> &str {
         "surface_first"
@@ -102,11 +103,16 @@ impl Strategy for SurfaceFirst {
         Ok(Planned { mixtures: Box::new(mixtures), overflow })
     }
 
+    fn tools(&self, _: &Setup<'_>, _: &SurfaceSmoother, _: &Control<'_>) -> Result<(), RefineError> {
+        Ok(())
+    }
+
     /// Forgets what no layer could take, since a target out of reach must not wind the residual up or it would go on
     /// pushing the colours that can still be reached; then adds the gain's share of the shortfall.
     fn update(
         &self,
         setup: &Setup<'_>,
+        (): &(),
         state: &mut SurfaceFirstState,
         seen: &Seen<'_>,
         _: &Control<'_>,

@@ -40,6 +40,7 @@ fn what_neighbours_are_to_blame_for_is_cured() {
     let (heuristic, _) = run(SurfaceFirst::default(), 16);
     let (report, _) = run(descent(), 40);
     let least = |report: &RefineReport| report.best_iteration().unwrap().smoothed.mean;
+    // 0.59 when written; a step that no longer follows the derivative stays near 1.
     assert!(least(&report) < 0.8 * least(&heuristic), "{} {}", least(&report), least(&heuristic));
     // The opening is the heuristic, and from there on the loss falls.
     for (a, b) in report.iterations.iter().zip(&heuristic.iterations).take(4) {

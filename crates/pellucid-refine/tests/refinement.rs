@@ -9,7 +9,7 @@ use pellucid_core::chain;
 use pellucid_predict::{BoundPredictor, Changed, Draw, Pass};
 use pellucid_refine::{
     Cell, IterationReport, Mixtures, Moved, Planned, RefineError, RefineSettings, Refined, Refinement, Saved,
-    Seen, Setup, Strategy, SurfaceFirst, refine,
+    Seen, Setup, Strategy, SurfaceFirst, SurfaceSmoother, refine,
 };
 use pellucid_voxel::{Control, LabelGrid, Pitch};
 
@@ -336,6 +336,7 @@ impl Mixtures for InterruptedMixtures<'_> {
 
 impl Strategy for Interrupted<'_> {
     type State = <SurfaceFirst as Strategy>::State;
+    type Tools = ();
     fn name(&self) -> &str {
         "interrupted"
     }
@@ -361,14 +362,18 @@ impl Strategy for Interrupted<'_> {
         let mixtures = InterruptedMixtures { inner: mixtures, left: self.left, stop: self.stop };
         Ok(Planned { mixtures: Box::new(mixtures), overflow })
     }
+    fn tools(&self, _: &Setup<'_>, _: &SurfaceSmoother, _: &Control<'_>) -> Result<(), RefineError> {
+        Ok(())
+    }
     fn update(
         &self,
         setup: &Setup<'_>,
+        (): &(),
         state: &mut Self::State,
         seen: &Seen<'_>,
         control: &Control<'_>,
     ) -> Result<Moved, RefineError> {
-        self.inner.update(setup, state, seen, control)
+        self.inner.update(setup, &(), state, seen, control)
     }
 }
 

@@ -77,6 +77,15 @@ impl StrategyKind {
             Self::Descent => "descent",
         }
     }
+
+    /// Iterations that it should have, [`RefineSettings::iterations`]: the default of the first, and 30 of descent, whose
+    /// first five are the other's.
+    pub fn iterations(self) -> u32 {
+        match self {
+            Self::SurfaceFirst => RefineSettings::default().iterations,
+            Self::Descent => 30,
+        }
+    }
 }
 
 /// Settings of a [`PrintJob`](crate::PrintJob). All of them are recorded in a print's manifest and report, and can be
@@ -126,7 +135,7 @@ pub struct PrintSettings {
     pub instruction_set: Option<InstructionSet>,
     /// Refinement: iterations, coloured depth and so on. Its seed is [`PrintSettings::seed`].
     pub refine: RefineSettings,
-    /// How materials are rearranged.
+    /// How materials are rearranged. [`StrategyKind::iterations`] says how many iterations that takes.
     pub strategy: StrategyKind,
     /// Settings of [`StrategyKind::SurfaceFirst`].
     pub surface_first: SurfaceFirst,

@@ -20,8 +20,7 @@ pub(super) struct Weights {
 type Slopes = ([f32; 3], [f32; 3]);
 
 /// One scale at which the print is looked at.
-pub(super) struct Scale<'a> {
-    pub smoother: &'a SurfaceSmoother,
+pub(super) struct Scale {
     /// `[L*, a*, b*]` of the smoothed aim.
     aim: Vec<[f32; 3]>,
     /// By how much L*, a* and b* are multiplied: rows of a 2 x 2 matrix for a* and b* follow the weight of L*.
@@ -39,10 +38,10 @@ pub(super) struct Found {
     pub curvature: Vec<[f32; 3]>,
 }
 
-impl<'a> Scale<'a> {
+impl Scale {
     /// Looks through `smoother` at an aim of linear RGB, which counts with `weight`.
     pub(super) fn new(
-        smoother: &'a SurfaceSmoother,
+        smoother: &SurfaceSmoother,
         aim: &[[f32; 3]],
         weight: f32,
         weights: Weights,
@@ -51,26 +50,28 @@ impl<'a> Scale<'a> {
         let smooth = smoother.smooth(aim.to_vec(), control)?;
         let aim: Vec<[f32; 3]> = smooth.par_iter().map(|&rgb| lab(rgb)).collect();
         let rows = aim.par_iter().map(|&lab| weights.rows(lab)).collect();
-        Ok(Self { smoother, aim, rows, weight })
+        Ok(Self { aim, rows, weight })
     }
 
     /// Adds the loss of shown colours and its derivatives. `reach` is how far a full step would move each shown colour.
+    /// `smoother` is the one that the aim was looked at through.
     pub(super) fn add(
         &self,
+        smoother: &SurfaceSmoother,
         shown: &[[f32; 3]],
         reach: &[[f32; 3]],
         found: &mut Found,
         control: &Control<'_>,
     ) -> Result<(), Cancelled> {
-        let smooth = self.smoother.smooth(shown.to_vec(), control)?;
-        let reach = self.smoother.smooth(reach.to_vec(), control)?;
+        let smooth = smoother.smooth(shown.to_vec(), control)?;
+        let reach = smoother.smooth(reach.to_vec(), control)?;
         let points = smooth.par_iter().zip(&reach).zip(&self.aim).zip(&self.rows);
         let each = points.map(|(((&rgb, &reach), &aim), rows)| self.point(rgb, reach, aim, rows));
         let (loss, slopes): (Vec<f32>, Vec<Slopes>) = each.unzip();
         let (gradient, curvature): (Vec<_>, Vec<_>) = slopes.into_iter().unzip();
         found.loss.par_iter_mut().zip(loss).for_each(|(sum, loss)| *sum += loss);
         let add = |to: &mut [[f32; 3]], values: Vec<[f32; 3]>| {
-            let values = self.smoother.transposed(values, control)?;
+            let values = smoother.transposed(values, control)?;
             to.par_iter_mut().zip(values).for_each(|(to, v)| (0..3).for_each(|c| to[c] += v[c]));
             Ok::<(), Cancelled>(())
         };

@@ -57,8 +57,17 @@ impl Default for Descent {
     }
 }
 
+/// What every step of a descent uses.
+pub struct DescentTools {
+    patches: Patches,
+    fine: SurfaceSmoother,
+    /// Through the refinement's own Gaussian and through `fine`.
+    scales: [Scale; 2],
+}
+
 impl Strategy for Descent {
     type State = DescentState;
+    type Tools = DescentTools;
 
     fn name(&self) -> &str {
         "descent"
@@ -107,9 +116,26 @@ impl Strategy for Descent {
         }
     }
 
+    fn tools(
+        &self,
+        setup: &Setup<'_>,
+        smoother: &SurfaceSmoother,
+        control: &Control<'_>,
+    ) -> Result<DescentTools, RefineError> {
+        let surface = setup.problem.object.surface();
+        let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
+        let weights = Weights { forgiveness: self.forgiveness };
+        let scale = |smoother: &SurfaceSmoother, weight| {
+            Scale::new(smoother, setup.problem.printable_target, weight, weights, control)
+        };
+        let scales = [scale(smoother, 1.0)?, scale(&fine, FINE_WEIGHT)?];
+        Ok(DescentTools { patches: Patches::new(surface), fine, scales })
+    }
+
     fn update(
         &self,
         setup: &Setup<'_>,
+        tools: &DescentTools,
         state: &mut DescentState,
         seen: &Seen<'_>,
         control: &Control<'_>,
@@ -117,13 +143,13 @@ impl Strategy for Descent {
         if let Some(opening) = &mut state.opening
             && opening.step < self.opening_steps
         {
-            return self.opening.update(setup, opening, seen, control);
+            return self.opening.update(setup, &(), opening, seen, control);
         }
         if let Some(opening) = state.opening.take() {
             let (mixtures, _) = self.opening.layer_mixtures(setup, &opening, control)?;
             *state = DescentState::from_mixtures(setup, mixtures);
         }
-        self.descend(setup, state, seen, control)
+        self.descend(setup, tools, state, seen, control)
     }
 }
 
@@ -131,57 +157,41 @@ impl Descent {
     fn descend(
         &self,
         setup: &Setup<'_>,
+        tools: &DescentTools,
         state: &mut DescentState,
         seen: &Seen<'_>,
         control: &Control<'_>,
     ) -> Result<Moved, RefineError> {
-        let surface = setup.problem.object.surface();
-        let patches = Patches::new(surface);
-        let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
         let reach = reach(setup, seen.shown);
-        let found = self.loss(setup, seen, &fine, &reach, control)?;
-        patches.judge(&mut state.patches, &found.loss);
+        let found = tools.loss(seen, &reach, control)?;
+        tools.patches.judge(&mut state.patches, &found.loss);
         let total = found.loss.iter().map(|&l| f64::from(l)).sum::<f64>() / found.loss.len().max(1) as f64;
         state.losses.push(total);
 
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
         if state.steps.is_multiple_of(REFRESH) {
             let by_inks = pull(setup, seen, draw, &found.curvature, control)?;
-            let expected: f64 = found
-                .curvature
-                .par_iter()
-                .zip(&reach)
-                .map(|(w, s)| dot(w, s))
-                .collect::<Vec<_>>()
-                .iter()
-                .sum();
+            let expected = found.curvature.iter().zip(&reach).map(|(w, s)| dot(w, s)).sum();
             state.take_curvature(setup, &by_inks, expected);
         }
         let gradient = pull(setup, seen, draw, &found.gradient, control)?;
-        let moved = step::take(self, Cells::of(setup), state, &patches, gradient, &fine, control)?;
+        let moved = step::take(self, Cells::of(setup), state, tools, gradient, control)?;
         state.steps += 1;
         Ok(Moved { loss: Some(total), step: Some(moved), settled: settled(&state.losses) })
     }
+}
 
+impl DescentTools {
     /// The loss, its gradient, and the weights of its curvature, by shown colours.
-    fn loss(
-        &self,
-        setup: &Setup<'_>,
-        seen: &Seen<'_>,
-        fine: &SurfaceSmoother,
-        reach: &[[f32; 3]],
-        control: &Control<'_>,
-    ) -> Result<Found, RefineError> {
-        let count = setup.points.len();
-        let weights = Weights { forgiveness: self.forgiveness };
+    fn loss(&self, seen: &Seen<'_>, reach: &[[f32; 3]], control: &Control<'_>) -> Result<Found, RefineError> {
+        let count = seen.shown.len();
         let mut found = Found {
             loss: vec![0.0; count],
             gradient: vec![[0.0; 3]; count],
             curvature: vec![[0.0; 3]; count],
         };
-        for (smoother, weight) in [(seen.smoother, 1.0), (fine, FINE_WEIGHT)] {
-            Scale::new(smoother, setup.problem.printable_target, weight, weights, control)?
-                .add(seen.shown, reach, &mut found, control)?;
+        for (scale, smoother) in self.scales.iter().zip([seen.smoother, &self.fine]) {
+            scale.add(smoother, seen.shown, reach, &mut found, control)?;
         }
         Ok(found)
     }

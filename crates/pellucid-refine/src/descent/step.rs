@@ -3,9 +3,8 @@
 use pellucid_core::{Cancelled, Control};
 use rayon::prelude::*;
 
-use super::Descent;
-use super::patches::Patches;
 use super::state::{Cells, DescentState, MOVE, WHOLE};
+use super::{Descent, DescentTools};
 use crate::SurfaceSmoother;
 use crate::problem::MAX_LABELS;
 
@@ -21,12 +20,11 @@ pub(super) fn take(
     descent: &Descent,
     cells: Cells,
     state: &mut DescentState,
-    patches: &Patches,
+    tools: &DescentTools,
     mut gradient: Vec<f32>,
-    smoother: &SurfaceSmoother,
     control: &Control<'_>,
 ) -> Result<f64, Cancelled> {
-    smooth(cells, &mut gradient, smoother, control)?;
+    smooth(cells, &mut gradient, &tools.fine, control)?;
     let row = cells.row();
     let most = state.most_curvature;
     let known = &state.patches;
@@ -38,7 +36,7 @@ pub(super) fn take(
         .zip(state.curvatures.par_chunks_exact(row).zip(gradient.par_chunks_exact(row)))
         .enumerate()
         .map(|(point, ((inks, moves), (curvatures, gradient)))| {
-            let patch = known[patches.of(point)];
+            let patch = known[tools.patches.of(point)];
             let length = patch.length / shorter;
             let momentum = if patch.rose { 0.0 } else { descent.momentum };
             let mut total = 0.0;
@@ -54,6 +52,7 @@ pub(super) fn take(
                 project(&mut wanted[..cells.inks]);
                 for (i, share) in own.iter_mut().enumerate() {
                     let before = f32::from(*share) / WHOLE;
+                    // Down, so that shares never add up to more than the whole.
                     *share = (wanted[i] * WHOLE) as u16;
                     last[i] = ((wanted[i] - before) * MOVE).round() as i16;
                     total += f64::from((wanted[i] - before).abs());

@@ -56,6 +56,11 @@ impl Cells {
         Ok(Self { table, bricks, sums, stride })
     }
 
+    /// Nothing is wanted.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.bricks.is_empty()
+    }
+
     pub(crate) fn table(&self) -> &[u32] {
         &self.table
     }

@@ -27,9 +27,8 @@
 //! * **Baseline.** With w the throughput so far, w (n / sigma_s - l) has expectation 0 at every voxel, as scatterings
 //!   come at the rate sigma_s per unit throughput. Subtracting b w from T in the scattering's row changes no
 //!   expectation if b does not depend on the path. b is the mean T of the *other* paths walked together where that is
-//!   above 0.6, else 0. Where T is nearly the same for all paths it is mostly noise that the baseline takes away (in pale
-//!   halftones of mean radiance 0.72 it divides the variance of the derivative by scattering inks by 3); dark objects
-//!   would only lose time, since with it absorbed paths must be walked again too.
+//!   above 0.6, else 0. Where T is nearly the same for all paths it is mostly noise that the baseline takes away; dark
+//!   objects would only lose time, since with it absorbed paths must be walked again too.
 //! * **Paths.** A point and channel gets floor(p |r| / mean |r| + u) paths, each of weight sign(r) mean |r| / p, where
 //!   p is [`AdjointOptions::paths`] and u uniform: large weights get the paths, zeros none. The mean is over all values
 //!   of the call, so that the derivative is linear in r in expectation only.

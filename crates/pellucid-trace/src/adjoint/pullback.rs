@@ -85,6 +85,9 @@ impl Tracer<'_> {
         let done = AtomicU64::new(0);
         let phases = |c| Phases::new(&self.materials, self.volume.palette(), c);
         let mut cells = Cells::new(self.volume, out, phases(0).len())?;
+        if cells.is_empty() {
+            return Ok(0);
+        }
         for (c, plan) in plans.iter().enumerate() {
             let pass = Pass { tracer: self, points, d_radiance, iteration, channel: c, phases: phases(c) };
             plan.groups().into_par_iter().try_for_each(|group| {

@@ -222,18 +222,24 @@ fn spare_unit<L: Lanes>(l: L, high: L::I, low: L::I) -> L::F {
     l.fma(l.to_f(bits), l.splat(1.0 / (1 << 18) as f32), l.splat(0.5 / (1 << 18) as f32))
 }
 
+/// Voxels of positions, which are first brought within the bricks' extent, and where their bricks are in a table: below
+/// its length, which is the product of its dimensions and at most 2^29.
+#[inline(always)]
+fn brick_at<L: Lanes>(l: L, c: &Constants<'_, L>, position: &[L::F; 3]) -> ([L::I; 3], L::I) {
+    let x = l.min_u(l.to_i(position[0]), c.last[0]);
+    let y = l.min_u(l.to_i(position[1]), c.last[1]);
+    let z = l.min_u(l.to_i(position[2]), c.last[2]);
+    let at = l.add_i(l.mul_i(l.shr::<2>(z), c.slab), l.shr::<2>(y));
+    ([x, y, z], l.add_i(l.mul_i(at, c.row), l.shr::<2>(x)))
+}
+
 /// Positions in `table`, laid out as the bricks' table, and voxels within the bricks, of points, which are first
 /// brought within it: what the table says, and `[z][y][x]` within the brick.
 #[inline(always)]
 pub(super) fn cells<L: Lanes>(l: L, c: &Constants<'_, L>, table: &[u32], point: &[L::F; 3]) -> (L::I, L::I) {
     assert_eq!(table.len(), c.table.len());
-    let x = l.min_u(l.to_i(point[0]), c.last[0]);
-    let y = l.min_u(l.to_i(point[1]), c.last[1]);
-    let z = l.min_u(l.to_i(point[2]), c.last[2]);
-    let at = l.add_i(l.mul_i(l.shr::<2>(z), c.slab), l.shr::<2>(y));
-    let at = l.add_i(l.mul_i(at, c.row), l.shr::<2>(x));
-    // SAFETY: x, y, z lie within the bricks' extent, so `at` is below the length of the bricks' table, which is this
-    // one's and at most 2^29.
+    let ([x, y, z], at) = brick_at(l, c, point);
+    // SAFETY: `at` is below the length of the bricks' table, which is this one's.
     let brick = unsafe { l.gather(table, at) };
     let three = l.splat_i(3);
     let row = l.or_i(l.shl::<2>(l.and_i(z, three)), l.and_i(y, three));
@@ -243,13 +249,8 @@ pub(super) fn cells<L: Lanes>(l: L, c: &Constants<'_, L>, table: &[u32], point: 
 /// The bytes of the voxels at positions, which are first brought within the table.
 #[inline(always)]
 fn voxel_bytes<L: Lanes>(l: L, c: &Constants<'_, L>, position: &[L::F; 3]) -> L::I {
-    let x = l.min_u(l.to_i(position[0]), c.last[0]);
-    let y = l.min_u(l.to_i(position[1]), c.last[1]);
-    let z = l.min_u(l.to_i(position[2]), c.last[2]);
-    let at = l.add_i(l.mul_i(l.shr::<2>(z), c.slab), l.shr::<2>(y));
-    let at = l.add_i(l.mul_i(at, c.row), l.shr::<2>(x));
-    // SAFETY: x, y, z lie within the bricks' extent, so `at` is below the table's length, which
-    // is the product of its dimensions and at most 2^29.
+    let ([x, y, z], at) = brick_at(l, c, position);
+    // SAFETY: `at` is below the table's length.
     let brick = unsafe { l.gather(c.table, at) };
     let shared = l.eq_i(brick, l.and_i(brick, l.splat_i(SHARED - 1)));
     if l.mask_bits(shared) == u16::MAX {

@@ -64,6 +64,25 @@ fn media_at_the_edge() {
 }
 
 #[test]
+fn who_wants_nothing_gets_nothing() {
+    struct Nothing;
+    impl Derivatives for Nothing {
+        fn add(&mut self, voxel: [u32; 3], _: u8, _: f32) {
+            panic!("{voxel:?} was not wanted");
+        }
+        fn wants(&self, _: [u32; 3], _: [u32; 3]) -> bool {
+            false
+        }
+    }
+    let object = Object::new(Pitch::j750(), [30, 18, 40], |v| 1 + (hash(v) % 5) as u8);
+    let materials = MaterialTable::cmykw();
+    let tracer = Tracer::new(&object.volume, &materials, TraceOptions::default()).unwrap();
+    let options = AdjointOptions::default();
+    let paths = tracer.pullback(&[0, 1], 0, &[1.0; 6], &options, &mut Nothing, &Control::none()).unwrap();
+    assert_eq!(paths, 0);
+}
+
+#[test]
 fn unwanted_boxes_and_stops_and_refusals() {
     struct Half(Sums);
     impl Derivatives for Half {
