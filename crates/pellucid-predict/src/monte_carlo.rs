@@ -79,6 +79,13 @@ impl MonteCarlo {
         self.checked()
     }
 
+    /// The same with a gradient whose part by scattering is pooled over small boxes of voxels: less noise for the same
+    /// paths, and no longer unbiased; see [`AdjointOptions::pooled`].
+    pub fn with_pooled_adjoint(mut self) -> Self {
+        self.adjoint.pooled = true;
+        self
+    }
+
     /// The same on other instructions than [`InstructionSet::chosen`]: no other values, another time.
     ///
     /// # Errors
@@ -119,6 +126,7 @@ impl Predictor for MonteCarlo {
             .with("spp", self.options.spp)
             .with("roulette", self.options.roulette)
             .with("adjoint-paths", self.adjoint.paths)
+            .with("adjoint-pooled", self.adjoint.pooled)
             .with("tracking", format!("{:?}", self.options.tracking).to_lowercase())
     }
 
@@ -184,7 +192,7 @@ impl BoundPredictor for BoundMonteCarlo {
         Ok(Diagnostics { paths, ..Diagnostics::default() })
     }
 
-    /// Unbiased, by paths that are independent of the prediction's with the same draw.
+    /// Unbiased unless pooled, by paths that are independent of the prediction's with the same draw.
     fn pullback(
         &self,
         points: &[u32],

@@ -84,7 +84,8 @@ fn gradients_are_the_tracers() {
     let volume = Volume::new(&grid, object.surface(), &none).unwrap();
     let options = TraceOptions { seed: 6, ..TraceOptions::default() };
     let tracer = Tracer::new(&volume, object.materials(), options).unwrap();
-    let (adjoint, mut expected) = (AdjointOptions { paths: 0.75 }, Calls::default());
+    let (adjoint, mut expected) =
+        (AdjointOptions { paths: 0.75, ..AdjointOptions::default() }, Calls::default());
     let pass = Pass::Judge(2).number();
     tracer.pullback(&points, pass, &weights, &adjoint, &mut expected, &none).unwrap();
     assert!(found.0.len() > 1000 && found.0 == expected.0);
@@ -120,7 +121,16 @@ fn settings_are_checked_and_recorded() {
     assert_eq!(identity.name, "mc");
     let settings: Vec<(&str, &str)> =
         identity.settings.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
-    assert_eq!(settings, [("adjoint-paths", "2"), ("roulette", "0.5"), ("spp", "9"), ("tracking", "delta")]);
+    assert_eq!(
+        settings,
+        [
+            ("adjoint-paths", "2"),
+            ("adjoint-pooled", "false"),
+            ("roulette", "0.5"),
+            ("spp", "9"),
+            ("tracking", "delta")
+        ]
+    );
 }
 
 #[test]

@@ -11,5 +11,7 @@ mod differences;
 mod edges;
 #[path = "pullback/mixtures.rs"]
 mod mixtures;
+#[path = "pullback/pooled.rs"]
+mod pooled;
 #[path = "pullback/sums.rs"]
 mod sums;

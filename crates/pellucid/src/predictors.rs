@@ -20,7 +20,10 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
 /// The predictor that settings name, with the gradient that their strategy needs; the path tracer where an object has
 /// to decide.
 pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
-    let tracer = monte_carlo(settings, settings.spp)?;
+    let mut tracer = monte_carlo(settings, settings.spp)?;
+    if settings.strategy == StrategyKind::Descent {
+        tracer = tracer.with_pooled_adjoint();
+    }
     let values: Arc<dyn Predictor> = match settings.predictor {
         PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer),
         PredictorKind::Rpnn => corrected(settings, tracer)?,

@@ -5,6 +5,7 @@ use pellucid_core::{Cancelled, Control};
 use rayon::prelude::*;
 
 use crate::SurfaceSmoother;
+use crate::judge::LowPass;
 
 /// Differences beyond this count in proportion, not by their square (Huber): a few far outliers do not decide.
 const HUBER: f32 = 20.0;
@@ -14,6 +15,8 @@ const HUBER: f32 = 20.0;
 pub(super) struct Weights {
     /// Exponent of CIEDE2000's S_C and S_H: 1 forgives differences of saturated colours as it does, 0 not at all.
     pub forgiveness: f32,
+    /// By how much lightness counts more where it differs from its mean over about a millimetre.
+    pub contrast: f32,
 }
 
 /// Gradient by a shown colour, and curvature times reach.
@@ -26,6 +29,7 @@ pub(super) struct Scale {
     /// By how much L*, a* and b* are multiplied: rows of a 2 x 2 matrix for a* and b* follow the weight of L*.
     rows: Vec<[f32; 5]>,
     weight: f32,
+    contrast: f32,
 }
 
 /// The loss at every point, and its derivatives.
@@ -50,14 +54,15 @@ impl Scale {
         let smooth = smoother.smooth(aim.to_vec(), control)?;
         let aim: Vec<[f32; 3]> = smooth.par_iter().map(|&rgb| lab(rgb)).collect();
         let rows = aim.par_iter().map(|&lab| weights.rows(lab)).collect();
-        Ok(Self { aim, rows, weight })
+        Ok(Self { aim, rows, weight, contrast: weights.contrast })
     }
 
     /// Adds the loss of shown colours and its derivatives. `reach` is how far a full step would move each shown colour.
-    /// `smoother` is the one that the aim was looked at through.
+    /// `smoother` is the one that the aim was looked at through, `low_pass` makes the means over a millimetre.
     pub(super) fn add(
         &self,
         smoother: &SurfaceSmoother,
+        low_pass: &LowPass,
         shown: &[[f32; 3]],
         reach: &[[f32; 3]],
         found: &mut Found,
@@ -65,8 +70,12 @@ impl Scale {
     ) -> Result<(), Cancelled> {
         let smooth = smoother.smooth(shown.to_vec(), control)?;
         let reach = smoother.smooth(reach.to_vec(), control)?;
-        let points = smooth.par_iter().zip(&reach).zip(&self.aim).zip(&self.rows);
-        let each = points.map(|(((&rgb, &reach), &aim), rows)| self.point(rgb, reach, aim, rows));
+        let lightness: Vec<f32> =
+            smooth.par_iter().zip(&self.aim).map(|(&rgb, aim)| lab(rgb)[0] - aim[0]).collect();
+        let slow = low_pass.scalar(&lightness, control)?;
+        let points = smooth.par_iter().zip(&reach).zip(&self.aim).zip(&self.rows).zip(&slow);
+        let each =
+            points.map(|((((&rgb, &reach), &aim), rows), &slow)| self.point(rgb, reach, aim, rows, slow));
         let (loss, slopes): (Vec<f32>, Vec<Slopes>) = each.unzip();
         let (gradient, curvature): (Vec<_>, Vec<_>) = slopes.into_iter().unzip();
         found.loss.par_iter_mut().zip(loss).for_each(|(sum, loss)| *sum += loss);
@@ -79,24 +88,36 @@ impl Scale {
         add(&mut found.curvature, curvature)
     }
 
-    /// Loss, gradient, and curvature times reach at one point.
-    fn point(&self, rgb: [f32; 3], reach: [f32; 3], aim: [f32; 3], rows: &[f32; 5]) -> (f32, Slopes) {
+    /// Loss, gradient, and curvature times reach at one point, where lightness is off by `slow` in the mean over a
+    /// millimetre. That mean is taken for a projection: what is left has none.
+    fn point(
+        &self,
+        rgb: [f32; 3],
+        reach: [f32; 3],
+        aim: [f32; 3],
+        rows: &[f32; 5],
+        slow: f32,
+    ) -> (f32, Slopes) {
         let by_rgb = lab_derivative_of_linear_rgb(rgb);
         let weighed =
             |v: [f32; 3]| [rows[0] * v[0], rows[1] * v[1] + rows[2] * v[2], rows[3] * v[1] + rows[4] * v[2]];
         let shown = lab(rgb);
         let difference = weighed(std::array::from_fn(|k| shown[k] - aim[k]));
-        let length = difference.iter().map(|d| d * d).sum::<f32>().sqrt();
+        let mut counted = difference;
+        counted[0] += self.contrast * (difference[0] - rows[0] * slow);
+        let length = (0..3).map(|k| difference[k] * counted[k]).sum::<f32>().max(0.0).sqrt();
         let (loss, scale) = match length <= HUBER {
             true => (length * length, 1.0),
             false => (HUBER * (2.0 * length - HUBER), HUBER / length),
         };
         // Columns: what a channel does to the weighed difference.
         let columns: [[f32; 3]; 3] = std::array::from_fn(|c| weighed(std::array::from_fn(|k| by_rgb[k][c])));
-        let along = |c: usize| -> f32 { (0..3).map(|k| columns[c][k] * difference[k]).sum() };
+        let along = |c: usize| -> f32 { (0..3).map(|k| columns[c][k] * counted[k]).sum() };
         let gradient = std::array::from_fn(|c| 2.0 * self.weight * scale * along(c));
-        let both =
-            |c: usize, d: usize| -> f32 { (0..3).map(|k| columns[c][k] * columns[d][k]).sum::<f32>().abs() };
+        let weights = [1.0 + self.contrast, 1.0, 1.0];
+        let both = |c: usize, d: usize| -> f32 {
+            (0..3).map(|k| weights[k] * columns[c][k] * columns[d][k]).sum::<f32>().abs()
+        };
         let curvature = std::array::from_fn(|c| {
             2.0 * self.weight * scale * (0..3).map(|d| both(c, d) * reach[d]).sum::<f32>()
         });
@@ -125,4 +146,45 @@ fn lab(rgb: [f32; 3]) -> [f32; 3] {
     let mut lab = [[0.0; 3]];
     lab_of_linear_rgb(&[rgb], &mut lab);
     lab[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pellucid_voxel::{Frame, LabelGrid, Pitch, Surface, SurfaceOptions, Tile};
+
+    /// Sums of loss and of the gradient's size over a block's surface whose aim is mid grey and that shows another.
+    fn of(contrast: f32, shown: impl Fn([u32; 3]) -> f32) -> (f32, f32) {
+        let control = Control::none();
+        let frame = Frame::new([0.0; 3], Pitch::new([0.1; 3]).unwrap(), [30, 30, 30]).unwrap();
+        let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
+        let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+        let smoother = SurfaceSmoother::new(&surface, 0.0, &control).unwrap();
+        let low_pass = LowPass::new(&surface, 1.0, &control).unwrap();
+        let weights = Weights { forgiveness: 0.5, contrast };
+        let aim = vec![[0.3; 3]; surface.len()];
+        let scale = Scale::new(&smoother, &aim, 1.0, weights, &control).unwrap();
+        let shown: Vec<[f32; 3]> = surface.voxels().iter().map(|&v| [shown(v); 3]).collect();
+        let count = surface.len();
+        let mut found = Found {
+            loss: vec![0.0; count],
+            gradient: vec![[0.0; 3]; count],
+            curvature: vec![[0.0; 3]; count],
+        };
+        scale.add(&smoother, &low_pass, &shown, &vec![[1.0; 3]; count], &mut found, &control).unwrap();
+        (found.loss.iter().sum(), found.gradient.iter().flatten().map(|g| g.abs()).sum())
+    }
+
+    #[test]
+    fn contrast_weighs_what_is_not_common_to_a_millimetre() {
+        let common = |_: [u32; 3]| 0.33;
+        let checks = |v: [u32; 3]| if (v[0] + v[1] + v[2]).is_multiple_of(2) { 0.33 } else { 0.27 };
+        let ratio = |shown: &dyn Fn([u32; 3]) -> f32| {
+            let (plain, weighed) = (of(0.0, shown), of(2.0, shown));
+            [weighed.0 / plain.0, weighed.1 / plain.1]
+        };
+        let [common, checks] = [ratio(&common), ratio(&checks)];
+        assert!(common.iter().all(|r| (r - 1.0).abs() < 1e-3), "{common:?}");
+        assert!(checks.iter().all(|r| (r - 3.0).abs() < 0.05), "{checks:?}");
+    }
 }

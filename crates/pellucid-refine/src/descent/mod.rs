@@ -11,6 +11,7 @@ use pellucid_predict::{Draw, Pass};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::judge::LowPass;
 use crate::settings::check_ranges;
 use crate::{Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, SurfaceSmoother};
 use cells::CellGradient;
@@ -24,6 +25,8 @@ use state::{CellMixtures, Cells};
 const FINE_MM: f64 = 0.045;
 /// How much it counts beside [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
 const FINE_WEIGHT: f32 = 0.25;
+/// Standard deviation in mm of the mean that contrast of lightness is taken against.
+const CONTRAST_MM: f64 = 1.0;
 /// Steps after which the bound of the loss's curvature is found anew.
 const REFRESH: u32 = 6;
 /// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
@@ -36,8 +39,9 @@ const LOOK_BACK: usize = 6;
 /// derivatives of the forward model as future work.
 ///
 /// A few steps of [`SurfaceFirst`] open. Then the state is one mixture a cell (surface voxel and layer), moved by
-/// momentum and a step that a separable quadratic bound of the loss makes safe (De Pierro 1995), scaled patch by patch
-/// of the surface by whether the last step lowered the loss there. The predictor must have a gradient.
+/// momentum and a step in proportion to the one that a separable quadratic bound of the loss makes safe (De Pierro 1995),
+/// scaled patch by patch of the surface by whether the last step lowered the loss there. The predictor must have a
+/// gradient.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Descent {
@@ -49,11 +53,20 @@ pub struct Descent {
     pub momentum: f32,
     /// How far differences of saturated colours are forgiven: 0 not at all, 1 as much as CIEDE2000 does.
     pub forgiveness: f32,
+    /// How much more than by its square a difference of lightness counts where it is not common to a millimetre of
+    /// surface, 0 to 10: contrast that is kept, against a mean that is met.
+    pub contrast: f32,
 }
 
 impl Default for Descent {
     fn default() -> Self {
-        Self { opening: SurfaceFirst::default(), opening_steps: 5, momentum: 0.7, forgiveness: 0.5 }
+        Self {
+            opening: SurfaceFirst::default(),
+            opening_steps: 5,
+            momentum: 0.9,
+            forgiveness: 0.5,
+            contrast: 2.0,
+        }
     }
 }
 
@@ -61,6 +74,7 @@ impl Default for Descent {
 pub struct DescentTools {
     patches: Patches,
     fine: SurfaceSmoother,
+    low_pass: LowPass,
     /// Through the refinement's own Gaussian and through `fine`.
     scales: [Scale; 2],
 }
@@ -78,6 +92,7 @@ impl Strategy for Descent {
         all.push(("opening_steps", self.opening_steps.into()));
         all.push(("momentum", self.momentum.into()));
         all.push(("forgiveness", self.forgiveness.into()));
+        all.push(("contrast", self.contrast.into()));
         all
     }
 
@@ -87,6 +102,7 @@ impl Strategy for Descent {
             ("opening_steps", self.opening_steps <= 100, "0 to 100"),
             ("momentum", (0.0..1.0).contains(&self.momentum), "0 to below 1"),
             ("forgiveness", (0.0..=1.0).contains(&self.forgiveness), "0 to 1"),
+            ("contrast", (0.0..=10.0).contains(&self.contrast), "0 to 10"),
         ])
     }
 
@@ -124,12 +140,13 @@ impl Strategy for Descent {
     ) -> Result<DescentTools, RefineError> {
         let surface = setup.problem.object.surface();
         let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
-        let weights = Weights { forgiveness: self.forgiveness };
+        let weights = Weights { forgiveness: self.forgiveness, contrast: self.contrast };
+        let low_pass = LowPass::new(surface, CONTRAST_MM, control)?;
         let scale = |smoother: &SurfaceSmoother, weight| {
             Scale::new(smoother, setup.problem.printable_target, weight, weights, control)
         };
         let scales = [scale(smoother, 1.0)?, scale(&fine, FINE_WEIGHT)?];
-        Ok(DescentTools { patches: Patches::new(surface), fine, scales })
+        Ok(DescentTools { patches: Patches::new(surface), fine, low_pass, scales })
     }
 
     fn update(
@@ -191,7 +208,7 @@ impl DescentTools {
             curvature: vec![[0.0; 3]; count],
         };
         for (scale, smoother) in self.scales.iter().zip([seen.smoother, &self.fine]) {
-            scale.add(smoother, seen.shown, reach, &mut found, control)?;
+            scale.add(smoother, &self.low_pass, seen.shown, reach, &mut found, control)?;
         }
         Ok(found)
     }

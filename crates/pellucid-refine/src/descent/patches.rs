@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 
 /// Edge in mm of the cubes that cut the surface into patches.
 const EDGE_MM: f64 = 1.0;
-/// Step length at first, of the one that a quadratic bound of the loss makes safe if all inks moved at once.
-const FIRST: f32 = 3.0;
+/// Step length at first, in those that a quadratic bound of the loss makes safe if all inks moved at once. Most do not:
+/// what changes sign within the reach of scattered light has a tenth of that curvature, and would take as many steps
+/// more.
+const FIRST: f32 = 10.0;
 /// The shortest step.
 const LEAST: f32 = 0.05;
 /// How much a step shrinks where the loss rose, and grows again, up to the first, where it did not.

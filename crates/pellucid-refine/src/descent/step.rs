@@ -11,7 +11,7 @@ use crate::problem::MAX_LABELS;
 /// Inks that are smoothed together.
 const TOGETHER: usize = 4;
 /// Steps after which lengths are half of the first: what is left is smaller, and noise averages out.
-const DECAY: f32 = 10.0;
+const DECAY: f32 = 20.0;
 /// The most that a share changes in a step.
 const MOST: f32 = 0.25;
 

@@ -12,7 +12,7 @@ use pellucid_voxel::{LabelGrid, Surface, near_order};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use self::low_pass::LowPass;
+pub(crate) use self::low_pass::LowPass;
 use crate::difference::{differences, lab_of};
 use crate::problem::check_colors;
 use crate::settings::check_ranges;

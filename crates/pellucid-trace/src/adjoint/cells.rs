@@ -92,6 +92,32 @@ impl Cells {
         }
     }
 
+    /// Averages the scatterings' rows over each brick, weighed by scattering coefficients.
+    pub(crate) fn pool(&mut self, volume: &Volume, phases: &Phases) {
+        let stride = self.stride;
+        self.sums.par_chunks_mut(64 * stride).zip(&self.bricks).for_each(|(sums, brick)| {
+            // 0 in air.
+            let sigma_s: [f64; 64] = std::array::from_fn(|local| {
+                let inverse = phases.inv_sigma_s[volume.bricks().byte(inner(brick, local)) as usize & 15];
+                if inverse > 0.0 { 1.0 / f64::from(inverse) } else { 0.0 }
+            });
+            let total: f64 = sigma_s.iter().sum();
+            if total == 0.0 {
+                return;
+            }
+            for row in 1..stride {
+                let mut weighed = 0.0;
+                for (sums, sigma_s) in sums.chunks_exact_mut(stride).zip(sigma_s) {
+                    let beyond_length = *sums[row].get_mut() - *sums[0].get_mut();
+                    weighed += sigma_s * beyond_length as f64;
+                }
+                let mean = (weighed / total) as i64;
+                sums.chunks_exact_mut(stride)
+                    .for_each(|sums| *sums[row].get_mut() = *sums[0].get_mut() + mean);
+            }
+        });
+    }
+
     /// Hands out the sums of one brick after the other as (voxel, sums in mm), those within the region that are not
     /// all 0, and sets them to 0.
     pub(crate) fn drain<E>(
@@ -114,8 +140,7 @@ impl Cells {
                 for (value, sum) in values.iter_mut().zip(sums) {
                     *value = std::mem::take(sum.get_mut()) as f64 / f64::from(UNIT);
                 }
-                let at = [local % BRICK, local / BRICK % BRICK, local / BRICK / BRICK];
-                let inner: [u32; 3] = std::array::from_fn(|a| brick[a] * BRICK as u32 + at[a] as u32);
+                let inner = inner(brick, local);
                 if volume.bricks().byte(inner) & 15 == 0 {
                     continue;
                 }
@@ -127,6 +152,12 @@ impl Cells {
         }
         Ok(())
     }
+}
+
+/// Position, margin included, of a brick's voxel.
+fn inner(brick: &[u32; 3], local: usize) -> [u32; 3] {
+    let at = [local % BRICK, local / BRICK % BRICK, local / BRICK / BRICK];
+    std::array::from_fn(|a| brick[a] * BRICK as u32 + at[a] as u32)
 }
 
 #[inline(always)]

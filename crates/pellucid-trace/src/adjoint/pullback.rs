@@ -17,8 +17,8 @@ const PALE: f64 = 0.6;
 
 impl Tracer<'_> {
     /// Adds the derivative of `sum(d_radiance * radiance)` by the amount (volume fraction, 0 to 1) of each of the
-    /// table's materials in each voxel to `out`. `d_radiance` is `[point][channel]`. Unbiased; see [`adjoint`] for the
-    /// estimator. Returns the number of paths.
+    /// table's materials in each voxel to `out`. `d_radiance` is `[point][channel]`. Unbiased unless pooled; see [`adjoint`]
+    /// for the estimator. Returns the number of paths.
     ///
     /// The same bytes for any number of threads and on any processor. Independent of [`Tracer::radiance`] with the same
     /// `iteration`.
@@ -45,7 +45,7 @@ impl Tracer<'_> {
     ///     }
     /// }
     /// let tracer = Tracer::new(&volume, &materials, TraceOptions::default()).unwrap();
-    /// let options = AdjointOptions { paths: 256.0 };
+    /// let options = AdjointOptions { paths: 256.0, ..AdjointOptions::default() };
     /// let mut black = Black(0.0);
     /// tracer.pullback(&[top], 0, &[1.0; 3], &options, &mut black, &control).unwrap();
     /// assert!(black.0 < 0.0); // more black anywhere is less light
@@ -98,6 +98,9 @@ impl Tracer<'_> {
                 control.advance(&done, count, total);
                 Ok::<_, TraceError>(())
             })?;
+            if options.pooled {
+                cells.pool(self.volume, &pass.phases);
+            }
             pass.hand_out(per_path, &mut cells, out, control)?;
         }
         Ok(total)

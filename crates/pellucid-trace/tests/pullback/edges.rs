@@ -120,7 +120,7 @@ fn unwanted_boxes_and_stops_and_refusals() {
 
     let none = Control::none();
     let mut refused = |points: &[u32], d: &[f32], paths| {
-        let options = AdjointOptions { paths };
+        let options = AdjointOptions { paths, ..AdjointOptions::default() };
         matches!(tracer.pullback(points, 0, d, &options, &mut all, &none), Err(TraceError::Invalid(_)))
     };
     assert!(refused(&[0], &[1.0; 2], 1.0));

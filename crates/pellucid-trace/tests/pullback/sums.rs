@@ -55,7 +55,7 @@ impl Scene<'_> {
 
     pub fn pullback_to(&self, iteration: u32, paths: f32, sums: &mut Sums) {
         let tracer = Tracer::new(self.volume, self.table, self.options).unwrap();
-        let options = AdjointOptions { paths };
+        let options = AdjointOptions { paths, ..AdjointOptions::default() };
         tracer.pullback(self.points, iteration, self.d_radiance, &options, sums, &Control::none()).unwrap();
     }
 
