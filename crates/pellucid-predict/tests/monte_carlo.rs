@@ -73,22 +73,23 @@ impl Derivatives for Calls {
 fn gradients_are_the_tracers() {
     let (grid, none) = (grid(), Control::none());
     let object = object(&grid, 1.5);
-    let predictor = MonteCarlo::new(3).unwrap().with_adjoint_paths(0.75).unwrap();
-    assert!(predictor.supports(&object).unwrap().gradient);
-    let mut bound = predictor.bind(Arc::clone(&object)).unwrap();
-    bound.update(&grid, Changed::Unknown, &none).unwrap();
-    let points = object.points();
-    let weights: Vec<f32> = (0..3 * points.len()).map(|i| (i % 11) as f32 - 4.0).collect();
-    let mut found = Calls::default();
-    bound.pullback(&points, Draw::new(6, Pass::Judge(2)), &weights, &mut found, &none).unwrap();
-    let volume = Volume::new(&grid, object.surface(), &none).unwrap();
-    let options = TraceOptions { seed: 6, ..TraceOptions::default() };
-    let tracer = Tracer::new(&volume, object.materials(), options).unwrap();
-    let (adjoint, mut expected) =
-        (AdjointOptions { paths: 0.75, ..AdjointOptions::default() }, Calls::default());
-    let pass = Pass::Judge(2).number();
-    tracer.pullback(&points, pass, &weights, &adjoint, &mut expected, &none).unwrap();
-    assert!(found.0.len() > 1000 && found.0 == expected.0);
+    let plain = MonteCarlo::new(3).unwrap().with_adjoint_paths(0.75).unwrap();
+    for (predictor, pooled) in [(plain, false), (plain.with_pooled_adjoint(), true)] {
+        assert!(predictor.supports(&object).unwrap().gradient);
+        let mut bound = predictor.bind(Arc::clone(&object)).unwrap();
+        bound.update(&grid, Changed::Unknown, &none).unwrap();
+        let points = object.points();
+        let weights: Vec<f32> = (0..3 * points.len()).map(|i| (i % 11) as f32 - 4.0).collect();
+        let mut found = Calls::default();
+        bound.pullback(&points, Draw::new(6, Pass::Judge(2)), &weights, &mut found, &none).unwrap();
+        let volume = Volume::new(&grid, object.surface(), &none).unwrap();
+        let options = TraceOptions { seed: 6, ..TraceOptions::default() };
+        let tracer = Tracer::new(&volume, object.materials(), options).unwrap();
+        let (adjoint, mut expected) = (AdjointOptions { paths: 0.75, pooled }, Calls::default());
+        let pass = Pass::Judge(2).number();
+        tracer.pullback(&points, pass, &weights, &adjoint, &mut expected, &none).unwrap();
+        assert!(found.0.len() > 1000 && found.0 == expected.0);
+    }
 }
 
 #[test]

@@ -65,6 +65,7 @@ mod halftone;
 mod ink;
 mod judge;
 mod layers;
+mod low_pass;
 pub mod packed;
 mod problem;
 mod refinement;

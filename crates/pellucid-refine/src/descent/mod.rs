@@ -11,7 +11,7 @@ use pellucid_predict::{Draw, Pass};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::judge::LowPass;
+use crate::low_pass::{LOCAL_MM, LowPass};
 use crate::settings::check_ranges;
 use crate::{Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, SurfaceSmoother};
 use cells::CellGradient;
@@ -25,8 +25,6 @@ use state::{CellMixtures, Cells};
 const FINE_MM: f64 = 0.045;
 /// How much it counts beside [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
 const FINE_WEIGHT: f32 = 0.25;
-/// Standard deviation in mm of the mean that contrast of lightness is taken against.
-const CONTRAST_MM: f64 = 1.0;
 /// Steps after which the bound of the loss's curvature is found anew.
 const REFRESH: u32 = 6;
 /// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
@@ -53,8 +51,8 @@ pub struct Descent {
     pub momentum: f32,
     /// How far differences of saturated colours are forgiven: 0 not at all, 1 as much as CIEDE2000 does.
     pub forgiveness: f32,
-    /// How much more than by its square a difference of lightness counts where it is not common to a millimetre of
-    /// surface, 0 to 10: contrast that is kept, against a mean that is met.
+    /// How many times more a squared difference of lightness counts as far as its mean over a millimetre of surface
+    /// leaves it out, 0 to 10: local contrast, against a mean that is met.
     pub contrast: f32,
 }
 
@@ -74,6 +72,7 @@ impl Default for Descent {
 pub struct DescentTools {
     patches: Patches,
     fine: SurfaceSmoother,
+    /// Makes the means that local contrast leaves out.
     low_pass: LowPass,
     /// Through the refinement's own Gaussian and through `fine`.
     scales: [Scale; 2],
@@ -141,7 +140,7 @@ impl Strategy for Descent {
         let surface = setup.problem.object.surface();
         let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
         let weights = Weights { forgiveness: self.forgiveness, contrast: self.contrast };
-        let low_pass = LowPass::new(surface, CONTRAST_MM, control)?;
+        let low_pass = LowPass::new(surface, LOCAL_MM, control)?;
         let scale = |smoother: &SurfaceSmoother, weight| {
             Scale::new(smoother, setup.problem.printable_target, weight, weights, control)
         };

@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Edge in mm of the cubes that cut the surface into patches.
 const EDGE_MM: f64 = 1.0;
-/// Step length at first, in those that a quadratic bound of the loss makes safe if all inks moved at once. Most do not:
-/// what changes sign within the reach of scattered light has a tenth of that curvature, and would take as many steps
-/// more.
+/// Step length at first, in those that a quadratic bound of the loss makes safe if all inks moved at once. What
+/// changes sign within the reach of scattered light, contrast, has far less curvature, and would hardly move.
 const FIRST: f32 = 10.0;
 /// The shortest step.
 const LEAST: f32 = 0.05;

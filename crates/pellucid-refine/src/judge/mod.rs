@@ -2,7 +2,6 @@
 
 mod classes;
 mod errors;
-mod low_pass;
 
 use pellucid_color::Viewing;
 use pellucid_core::random::{Domain, hash};
@@ -12,8 +11,8 @@ use pellucid_voxel::{LabelGrid, Surface, near_order};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use self::low_pass::LowPass;
 use crate::difference::{differences, lab_of};
+use crate::low_pass::{LOCAL_MM, LowPass};
 use crate::problem::check_colors;
 use crate::settings::check_ranges;
 use crate::{Problem, RefineError, SurfaceSmoother};
@@ -25,8 +24,6 @@ pub use errors::{ClassErrors, Errors, Evaluation, Sharpness, StateErrors};
 const RADII_MM: [f64; 3] = [0.045, 0.1, 0.2];
 /// Position in [`RADII_MM`] of the one at which classes and sharpness are taken.
 const VIEWED: usize = 1;
-/// Standard deviation in mm of the mean that local contrast leaves out, and over which the noise's energy is averaged.
-const LOCAL_MM: f64 = 1.0;
 const POINTS: Domain = Domain::new("judge points");
 
 /// What the judge looks at.
@@ -92,6 +89,7 @@ pub struct Judge<'a> {
     smoother: SurfaceSmoother,
     /// Leads from the last radius but one to the last.
     last_step: LowPass,
+    /// Makes the means that contrast leaves out, and those of the noise's energy.
     low_pass: LowPass,
     classes: Vec<ColorClass>,
     /// `[radius]`, the printable target and the target in Lab.
@@ -484,10 +482,7 @@ fn without_noise(mut differences: Vec<f32>, energy: &[[f32; 3]], radius: usize) 
 
 /// L* less its mean over about a millimetre.
 fn contrast(low_pass: &LowPass, lab: &[[f32; 3]], control: &Control<'_>) -> Result<Vec<f32>, RefineError> {
-    let lightness: Vec<f32> = lab.iter().map(|lab| lab[0]).collect();
-    let mut low = low_pass.scalar(&lightness, control)?;
-    low.iter_mut().zip(&lightness).for_each(|(low, l)| *low = l - *low);
-    Ok(low)
+    Ok(low_pass.contrast(lab.iter().map(|lab| lab[0]).collect(), control)?)
 }
 
 /// Regression slope through zero of `shown` on `target` at the target's edges, and the edges' share.

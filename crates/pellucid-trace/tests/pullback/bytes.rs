@@ -35,9 +35,7 @@ proptest! {
         let d_radiance = weights(points.len());
         let tracking = if regular { Tracking::Regular } else { Tracking::Delta };
         let options = TraceOptions { seed: u64::from(seed), tracking, ..TraceOptions::default() };
-        let scene = |options| Scene {
-            volume: &object.volume, table: &table, options, points: &points, d_radiance: &d_radiance,
-        };
+        let scene = |options| Scene::new(&object, &table, options, &points, &d_radiance);
         let whole = scene(options).pullback(3, paths);
         prop_assert!(!whole.calls.is_empty());
         for (&(v, label), d) in &whole.values {
@@ -70,13 +68,7 @@ fn weights_times_a_power_of_two_give_derivatives_times_it() {
     let of = |factor: f32| {
         let d_radiance: Vec<f32> = weights.iter().map(|w| w * factor).collect();
         let options = TraceOptions::default();
-        let scene = Scene {
-            volume: &object.volume,
-            table: &table,
-            options,
-            points: &points,
-            d_radiance: &d_radiance,
-        };
+        let scene = Scene::new(&object, &table, options, &points, &d_radiance);
         scene.pullback(0, 2.0).calls
     };
     let times = |factor: f32| {
@@ -99,7 +91,7 @@ fn sums_of_weights_give_sums_of_derivatives_on_average() {
     // Any linear functional will do; these tell depths and labels apart.
     let functionals = |d_radiance: &[f32], first: u32| {
         let options = TraceOptions::default();
-        let scene = Scene { volume: &object.volume, table: &table, options, points: &points, d_radiance };
+        let scene = Scene::new(&object, &table, options, &points, d_radiance);
         let of = |sums: &Sums| -> Vec<f64> {
             (1..=5u8)
                 .flat_map(|l| {

@@ -29,8 +29,8 @@ fn absorbing_layers_follow_beer_and_lambert() {
             tracking,
             ..TraceOptions::default()
         };
-        let scene =
-            Scene { volume: &object.volume, table: &table, options, points: &[point], d_radiance: &[-2.0] };
+        let points = [point];
+        let scene = Scene::new(&object, &table, options, &points, &[-2.0]);
         // Label 4 absorbs by 1 per mm: the derivative by its amount is that by sigma_a.
         let column: Vec<[u32; 3]> = (0..7).map(|z| [20, 10, z]).collect();
         let runs: Vec<Vec<f64>> = (0..16)
@@ -59,8 +59,7 @@ fn a_half_space_does_not_depend_on_its_density() {
     for tracking in [Tracking::Delta, Tracking::Regular] {
         let options = TraceOptions { boundary: Boundary::Matched, tracking, ..TraceOptions::default() };
         let points = [object.top()];
-        let scene =
-            Scene { volume: &object.volume, table: &table, options, points: &points, d_radiance: &[1.0] };
+        let scene = Scene::new(&object, &table, options, &points, &[1.0]);
         let found = scene.functionals(16, 8000.0, |sums| {
             vec![sums.total(|_| Some(1)), sums.values.values().map(|d| d.abs()).sum()]
         });

@@ -51,7 +51,7 @@ fn compare(object: &Object, options: TraceOptions, points: &[u32], labels: &[u8]
     let table = inks();
     // Weights that differ between points.
     let weights: Vec<f32> = (0..3 * points.len()).map(|i| 0.5 + 0.25 * (i / 3 % 4) as f32).collect();
-    let scene = Scene { volume: &object.volume, table: &table, options, points, d_radiance: &weights };
+    let scene = Scene::new(object, &table, options, points, &weights);
     let kinds: Vec<(u8, bool)> = labels.iter().flat_map(|&l| [(l, false), (l, true)]).collect();
     let expected: Vec<Vec<Measured>> = kinds
         .iter()
@@ -129,8 +129,7 @@ fn all_voxels_together_are_the_density() {
     let points = above(&object, &[[12, 9], [20, 10], [29, 11]]);
     let options = TraceOptions { spp: 12_000, ..TraceOptions::default() };
     let d_radiance: Vec<f32> = (0..9).map(|i| [1.0, 0.5, 0.75][i % 3]).collect();
-    let scene =
-        Scene { volume: &object.volume, table: &table, options, points: &points, d_radiance: &d_radiance };
+    let scene = Scene::new(&object, &table, options, &points, &d_radiance);
     let found: Vec<Measured> = (0..3)
         .map(|channel| {
             let d_radiance: Vec<f32> =

@@ -20,8 +20,8 @@ fn nothing_where_no_path_goes() {
     let table = table(&[(9.0, 0.5, 0.4), (0.0, 1e5, 0.4)]);
     let point = object.surface.index_of([13, 10, 49]).unwrap();
     let options = dielectric(1);
-    let scene =
-        Scene { volume: &object.volume, table: &table, options, points: &[point], d_radiance: &[1.0] };
+    let points = [point];
+    let scene = Scene::new(&object, &table, options, &points, &[1.0]);
     let sums = scene.pullback(0, 20_000.0);
     assert!(sums.values.len() > 1000);
     for ((v, _), d) in &sums.values {
@@ -41,13 +41,7 @@ fn media_at_the_edge() {
     let d_radiance = vec![0.5; points.len()];
     for options in [matched(1), dielectric(1)] {
         let table = table(&rows);
-        let scene = Scene {
-            volume: &object.volume,
-            table: &table,
-            options,
-            points: &points,
-            d_radiance: &d_radiance,
-        };
+        let scene = Scene::new(&object, &table, options, &points, &d_radiance);
         let sums = scene.pullback(0, 16.0);
         assert!(sums.values.len() > 1000);
         assert!(sums.values.values().all(|d| d.is_finite()));
@@ -57,7 +51,7 @@ fn media_at_the_edge() {
     let table = table(&[(0.0, 0.0, 0.4), (0.0, 1.0, 0.4)]);
     let points = [clear.top()];
     let options = matched(1);
-    let scene = Scene { volume: &clear.volume, table: &table, options, points: &points, d_radiance: &[1.0] };
+    let scene = Scene::new(&clear, &table, options, &points, &[1.0]);
     let sums = scene.pullback(0, 4096.0);
     let total = sums.total(|_| Some(2));
     assert!((total + 20.0 * Pitch::j750().mm()[2]).abs() < 1e-4, "{total}");

@@ -90,7 +90,7 @@ fn materials_of_other_phase_functions() {
     let options = TraceOptions { boundary: Boundary::Matched, ..TraceOptions::default() };
     let voxel = [SIZE[0] / 2, SIZE[1] / 2, SIZE[2] - 1];
     let points = [object.surface.index_of(voxel).unwrap()];
-    let scene = Scene { volume: &object.volume, table: &table, options, points: &points, d_radiance: &[1.0] };
+    let scene = Scene::new(&object, &table, options, &points, &[1.0]);
     let found =
         scene.functionals(12, 30_000.0, |sums| vec![sums.total(|_| Some(2)), sums.total(|_| Some(3))]);
     let size: [f64; 3] = std::array::from_fn(|a| mm[a] * f64::from(SIZE[a]));

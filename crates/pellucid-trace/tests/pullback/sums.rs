@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use pellucid_trace::{AdjointOptions, Derivatives, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, Material, MaterialTable};
 
+use crate::common::Object;
+
 /// All that was added.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sums {
@@ -46,7 +48,17 @@ pub struct Scene<'a> {
     pub d_radiance: &'a [f32],
 }
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    pub fn new(
+        object: &'a Object,
+        table: &'a MaterialTable,
+        options: TraceOptions,
+        points: &'a [u32],
+        d_radiance: &'a [f32],
+    ) -> Self {
+        Self { volume: &object.volume, table, options, points, d_radiance }
+    }
+
     pub fn pullback(&self, iteration: u32, paths: f32) -> Sums {
         let mut sums = Sums::default();
         self.pullback_to(iteration, paths, &mut sums);
@@ -54,9 +66,12 @@ impl Scene<'_> {
     }
 
     pub fn pullback_to(&self, iteration: u32, paths: f32, sums: &mut Sums) {
+        self.pullback_by(iteration, &AdjointOptions { paths, ..AdjointOptions::default() }, sums);
+    }
+
+    pub fn pullback_by(&self, iteration: u32, options: &AdjointOptions, sums: &mut Sums) {
         let tracer = Tracer::new(self.volume, self.table, self.options).unwrap();
-        let options = AdjointOptions { paths, ..AdjointOptions::default() };
-        tracer.pullback(self.points, iteration, self.d_radiance, &options, sums, &Control::none()).unwrap();
+        tracer.pullback(self.points, iteration, self.d_radiance, options, sums, &Control::none()).unwrap();
     }
 
     /// The weighted sum of radiances, channel by channel.

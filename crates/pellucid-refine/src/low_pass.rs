@@ -6,6 +6,8 @@ use pellucid_core::{Cancelled, Control};
 use pellucid_voxel::Surface;
 use rayon::prelude::*;
 
+/// Standard deviation in mm of the mean that local contrast leaves out.
+pub(crate) const LOCAL_MM: f64 = 1.0;
 /// Edge of the cells that surface voxels are pooled in, in standard deviations of the whole; at least a voxel's.
 const CELL_SIGMAS: f64 = 0.3;
 /// Cells on each side within reach of a pass, whose deviation is one cell.
@@ -92,6 +94,17 @@ impl LowPass {
     pub(crate) fn scalar(&self, values: &[f32], control: &Control<'_>) -> Result<Vec<f32>, Cancelled> {
         let values: Vec<[f32; 1]> = values.iter().map(|&v| [v]).collect();
         Ok(self.apply(&values, control)?.into_iter().map(|[v]| v).collect())
+    }
+
+    /// One value a surface voxel less its mean: what smoothing takes away.
+    pub(crate) fn contrast(
+        &self,
+        mut values: Vec<f32>,
+        control: &Control<'_>,
+    ) -> Result<Vec<f32>, Cancelled> {
+        let means = self.scalar(&values, control)?;
+        values.iter_mut().zip(means).for_each(|(value, mean)| *value -= mean);
+        Ok(values)
     }
 
     /// Smooths `N` values a surface voxel. Constants stay.
