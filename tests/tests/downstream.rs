@@ -22,8 +22,8 @@ type Outcome = Result<(), Box<dyn std::error::Error>>;
 fn small() -> PrintSettings {
     let judge = Effort { points: 300, ..Effort::default() };
     let mut settings =
-        PrintSettings { scale: Scale::HeightMm(1.5), spp: 4, judge, ..PrintSettings::default() };
-    settings.refine.iterations = 2;
+        PrintSettings { scale: Scale::HeightMm(1.5), spp: Some(4), judge, ..PrintSettings::default() };
+    settings.refine.iterations = Some(2);
     settings
 }
 

@@ -6,7 +6,7 @@
 use pellucid::mesh::Scale;
 use pellucid::refine::Effort;
 use pellucid::slice::PrintTarget;
-use pellucid::{Monitor, PredictorKind, PrintJob, PrintSettings, Workspace};
+use pellucid::{Monitor, PredictorKind, PrintJob, PrintSettings, StrategyKind, Workspace};
 use pellucid_tests::{label_digest, patched_ball};
 
 /// The printer's profile as it is written here, so that a better one of the library's changes nothing.
@@ -19,13 +19,12 @@ const PRINTER: &str = r#"{
   }
 }"#;
 
-#[test]
-fn labels_of_a_small_job_stay_as_they_are() {
+fn digests(change: impl Fn(&mut PrintSettings)) -> [u64; 2] {
     let mut settings = PrintSettings {
         scale: Scale::HeightMm(3.0),
         printer: PrintTarget::from_json(PRINTER).unwrap(),
         predictor: PredictorKind::MonteCarlo,
-        spp: 8,
+        spp: Some(8),
         seed: 5,
         judge: Effort { points: 20, point_passes: 2, surface_passes: 2 },
         judge_spp: 1,
@@ -33,13 +32,28 @@ fn labels_of_a_small_job_stay_as_they_are() {
         proof_edge: 16,
         ..PrintSettings::default()
     };
-    settings.refine.iterations = 3;
+    settings.refine.iterations = Some(3);
+    change(&mut settings);
     let job = PrintJob::new(settings).unwrap();
     let prepared = job.prepare(&patched_ball(), &Workspace::none(), &Monitor::silent()).unwrap();
-    let digests = [&prepared.refined.unrefined, &prepared.refined.labels].map(label_digest);
+    [&prepared.refined.unrefined, &prepared.refined.labels].map(label_digest)
+}
+
+#[test]
+fn labels_of_a_small_job_by_surface_first_stay_as_they_are() {
+    let digests = digests(|settings| settings.strategy = StrategyKind::SurfaceFirst);
     assert_eq!(
         digests,
         [10_201_966_626_067_112_231, 8_767_213_569_798_915_775],
         "unrefined and refined labels"
     );
+}
+
+#[test]
+fn labels_of_a_small_job_by_descent_stay_as_they_are() {
+    let digests = digests(|settings| {
+        settings.descent.opening_steps = 1;
+        settings.refine.iterations = Some(4);
+    });
+    assert_eq!(digests, [10_201_966_626_067_112_231, 0], "unrefined and refined labels");
 }

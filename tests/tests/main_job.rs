@@ -14,7 +14,7 @@ use pellucid_tests::patched_ball;
 fn settings(height_mm: f64) -> PrintSettings {
     let mut settings = PrintSettings {
         scale: Scale::HeightMm(height_mm),
-        spp: 16,
+        spp: Some(16),
         seed: 3,
         judge: Effort { points: 3000, point_passes: 2, surface_passes: 2 },
         judge_spp: 16,
@@ -22,7 +22,7 @@ fn settings(height_mm: f64) -> PrintSettings {
         proof_edge: 64,
         ..PrintSettings::default()
     };
-    settings.refine.iterations = 4;
+    settings.refine.iterations = Some(4);
     settings
 }
 
@@ -89,7 +89,8 @@ fn slices_do_not_depend_on_the_number_of_threads() {
         pool.install(|| {
             let mut settings = quick(2.0);
             settings.predictor = predictor;
-            settings.refine.iterations = 2;
+            settings.refine.iterations = Some(3);
+            settings.descent.opening_steps = 1;
             prepare(settings).write(&out, false, &Monitor::silent()).unwrap();
         });
         slices(&out)
@@ -105,7 +106,7 @@ fn slices_do_not_depend_on_the_number_of_threads() {
 fn the_network_refines_too_and_path_tracing_agrees_that_it_helped() {
     let mut s = settings(4.0);
     s.predictor = PredictorKind::Rpnn;
-    s.refine.iterations = 3;
+    s.refine.iterations = Some(3);
     let prepared = prepare(s.clone());
     assert_eq!(prepared.record.predictor.name, "rpnn+mc");
     assert!(prepared.record.predictor.weights.is_some());
@@ -272,7 +273,8 @@ fn bad_settings_are_named() {
         change(&mut s);
         PrintJob::new(s).err().unwrap().to_string()
     };
-    assert!(refusal(&|s| s.spp = 0).contains("spp"));
+    assert!(refusal(&|s| s.spp = Some(0)).contains("spp"));
+    assert!(refusal(&|s| s.gradient_spp = 0.0).contains("paths of the derivative"));
     assert!(refusal(&|s| s.refine.coloured_depth_mm = -1.0).contains("coloured_depth_mm"));
     assert!(refusal(&|s| s.refine.residual_blur_mm = 5.0).contains("residual_blur_mm"));
     assert!(refusal(&|s| s.judge.point_passes = 3).contains("point_passes"));

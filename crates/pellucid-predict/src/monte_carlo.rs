@@ -233,6 +233,10 @@ impl Derivatives for Handed<'_> {
         self.0.add(voxel, label, derivative);
     }
 
+    fn add_rows(&mut self, voxels: &[[u32; 3]], derivatives: &[f32]) {
+        self.0.add_rows(voxels, derivatives);
+    }
+
     fn region(&self) -> Option<[[u32; 3]; 2]> {
         self.0.region()
     }

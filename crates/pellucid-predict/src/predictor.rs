@@ -212,6 +212,15 @@ pub trait MaterialGradient {
     /// Adds to the derivative by the amount (volume fraction, 0 to 1) of `label` in `voxel`.
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32);
 
+    /// Adds to the derivatives by every material in some voxels, none twice: `derivatives` is `[voxel][material]`, labels
+    /// 1 and up. Unless overridden it calls [`MaterialGradient::add`] for each. A predictor may call either.
+    fn add_rows(&mut self, voxels: &[[u32; 3]], derivatives: &[f32]) {
+        let Some(materials) = derivatives.len().checked_div(voxels.len()) else { return };
+        for (voxel, row) in voxels.iter().zip(derivatives.chunks_exact(materials.max(1))) {
+            (1..=u8::MAX).zip(row).for_each(|(label, &derivative)| self.add(*voxel, label, derivative));
+        }
+    }
+
     /// The voxels that derivatives are wanted for, from the first `[x, y, z]` to before the last; the whole grid where
     /// `None`. No others are added.
     fn region(&self) -> Option<[[u32; 3]; 2]> {

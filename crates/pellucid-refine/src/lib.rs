@@ -49,7 +49,7 @@
 //! let problem = Problem {
 //!     object: &object, nearest: &nearest, ink: &Grey, viewing: &viewing, target: &target, printable_target: &target,
 //! };
-//! let settings = RefineSettings { iterations: 2, coloured_depth_mm: 0.4, ..RefineSettings::default() };
+//! let settings = RefineSettings { iterations: Some(2), coloured_depth_mm: 0.4, ..RefineSettings::default() };
 //! let mut bound = Two(object.clone(), labels.clone());
 //! let refined = refine(&mut labels, problem, SurfaceFirst::default(), settings, &mut bound, &Control::none())?;
 //! assert_eq!(refined.report.iterations.len(), 3);

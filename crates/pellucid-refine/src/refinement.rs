@@ -38,7 +38,9 @@ pub struct Refined {
 pub struct Refinement<'a, S: Strategy> {
     setup: Setup<'a>,
     strategy: S,
+    /// With its iterations.
     settings: RefineSettings,
+    iterations: u32,
     mask: BlueNoiseMask,
     smoother: SurfaceSmoother,
     target_lab: Vec<[f32; 3]>,
@@ -73,11 +75,12 @@ impl<'a, S: Strategy> Refinement<'a, S> {
     pub fn new(
         problem: Problem<'a>,
         strategy: S,
-        settings: RefineSettings,
+        mut settings: RefineSettings,
         control: &Control<'_>,
     ) -> Result<Self, RefineError> {
         settings.check()?;
         strategy.check()?;
+        let iterations = *settings.iterations.get_or_insert_with(|| strategy.iterations());
         problem.check(settings.coloured_depth_mm)?;
         let surface = problem.object.surface();
         let control = &control.silent();
@@ -100,6 +103,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             setup,
             strategy,
             settings,
+            iterations,
             mask,
             smoother,
             target_lab,
@@ -141,9 +145,14 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         self.iteration
     }
 
+    /// How many iterations there are at most after the unrefined halftone.
+    pub fn iterations(&self) -> u32 {
+        self.iterations
+    }
+
     /// True when all iterations are done, or the strategy has settled.
     pub fn is_finished(&self) -> bool {
-        self.iteration > self.settings.iterations || self.report.settled
+        self.iteration > self.iterations || self.report.settled
     }
 
     /// What happened so far.
@@ -220,7 +229,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         report.count(&changes, &diagnostics);
 
         let start = Instant::now();
-        let (next, moved) = if iteration < self.settings.iterations {
+        let (next, moved) = if iteration < self.iterations {
             let mut next = self.state.clone();
             let seen = Seen {
                 iteration,
@@ -306,7 +315,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
     ) -> Result<(Vec<f32>, Diagnostics), RefineError> {
         let iteration = self.iteration;
         let failed = |e| RefineError::predict(iteration, e);
-        let (done, steps) = (u64::from(iteration), u64::from(self.settings.iterations) + 1);
+        let (done, steps) = (u64::from(iteration), u64::from(self.iterations) + 1);
         let progress =
             |part: u64, total: u64| control.report(done * total.max(1) + part, steps * total.max(1));
         if !self.memory.is_empty() {
@@ -405,7 +414,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             return differs("other targets, viewing or inks");
         }
         let iterations = &saved.report.iterations;
-        let whole = saved.iteration <= self.settings.iterations + 1
+        let whole = saved.iteration <= self.iterations + 1
             && iterations.len() == saved.iteration as usize
             && iterations.iter().zip(0..).all(|(report, i)| report.iteration == i)
             && saved.best.is_some() == (saved.iteration > 0)

@@ -3,13 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use crate::RefineError;
+#[cfg(doc)]
+use crate::Strategy;
 
 /// How a refinement runs, whatever its strategy. [`RefineSettings::default`] is what the studies settled on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefineSettings {
-    /// Refinement steps after the unrefined halftone (iteration 0), 0 to 1000.
-    pub iterations: u32,
+    /// Refinement steps after the unrefined halftone (iteration 0), 0 to 1000; [`Strategy::iterations`] where `None`.
+    pub iterations: Option<u32>,
     /// Depth in mm below the surface within which voxels take colour; deeper ones stay as they are. Above 0 and at
     /// most 100.
     pub coloured_depth_mm: f64,
@@ -24,7 +26,7 @@ pub struct RefineSettings {
 
 impl Default for RefineSettings {
     fn default() -> Self {
-        Self { iterations: 10, coloured_depth_mm: 2.0, layers: 12, residual_blur_mm: 0.1, seed: 0 }
+        Self { iterations: None, coloured_depth_mm: 2.0, layers: 12, residual_blur_mm: 0.1, seed: 0 }
     }
 }
 
@@ -36,7 +38,7 @@ impl RefineSettings {
     pub fn check(&self) -> Result<(), RefineError> {
         let depth = self.coloured_depth_mm;
         check_ranges(&[
-            ("iterations", self.iterations <= 1000, "0 to 1000"),
+            ("iterations", self.iterations.is_none_or(|n| n <= 1000), "0 to 1000"),
             ("coloured_depth_mm", depth > 0.0 && depth <= 100.0, "above 0 and at most 100 mm"),
             ("layers", (1..=64).contains(&self.layers), "1 to 64"),
             ("residual_blur_mm", (0.0..=1.0).contains(&self.residual_blur_mm), "0 to 1 mm"),

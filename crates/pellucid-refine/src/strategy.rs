@@ -30,6 +30,9 @@ pub trait Strategy {
     /// The settings that decide how it moves, by name: a job resumed with others is refused.
     fn settings(&self) -> Vec<(&'static str, f64)>;
 
+    /// How many iterations it should have after the unrefined halftone, unless it settles before.
+    fn iterations(&self) -> u32;
+
     /// Checks the settings.
     ///
     /// # Errors

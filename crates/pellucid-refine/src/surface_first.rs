@@ -66,6 +66,10 @@ impl Strategy for SurfaceFirst {
         vec![("gain", gain), ("gain_decay", decay), ("base_mm", self.base_mm), ("veil_mm", self.veil_mm)]
     }
 
+    fn iterations(&self) -> u32 {
+        10
+    }
+
     fn check(&self) -> Result<(), RefineError> {
         check_ranges(&[
             ("gain", self.gain > 0.0 && self.gain <= 4.0, "above 0 and at most 4"),

@@ -14,7 +14,12 @@ const BLUE: [f32; 3] = [0.3, 0.35, 0.8];
 const YELLOW: [f32; 3] = [0.9, 0.8, 0.45];
 
 fn settings(iterations: u32) -> RefineSettings {
-    RefineSettings { iterations, coloured_depth_mm: 0.6, residual_blur_mm: 0.06, ..RefineSettings::default() }
+    RefineSettings {
+        iterations: Some(iterations),
+        coloured_depth_mm: 0.6,
+        residual_blur_mm: 0.06,
+        ..RefineSettings::default()
+    }
 }
 
 /// Yellow between blue lines, which take its red and green away.

@@ -14,7 +14,12 @@ use pellucid_refine::{
 use pellucid_voxel::{Control, LabelGrid, Pitch};
 
 fn settings(iterations: u32) -> RefineSettings {
-    RefineSettings { iterations, coloured_depth_mm: 0.6, seed: 5, ..RefineSettings::default() }
+    RefineSettings {
+        iterations: Some(iterations),
+        coloured_depth_mm: 0.6,
+        seed: 5,
+        ..RefineSettings::default()
+    }
 }
 
 /// Corrections to the extrusion alone, which the mock judges by its depth of 0.2 mm.
@@ -234,7 +239,7 @@ fn a_checkpoint_is_compact_and_refused_when_it_does_not_fit() {
     let other = SurfaceFirst { gain: 1.0, ..SurfaceFirst::default() };
     assert!(refused(saved.clone(), other, settings(3), &slab).contains("\"gain\": 1.0"));
     let text = refused(saved.clone(), SurfaceFirst::default(), settings(4), &slab);
-    assert!(text.contains("iterations: 3") && text.contains("iterations: 4"), "{text}");
+    assert!(text.contains("iterations: Some(3)") && text.contains("iterations: Some(4)"), "{text}");
     let target = Slab::small().towards(halves(BLUE, ORANGE));
     assert!(refused(saved.clone(), SurfaceFirst::default(), settings(3), &target).contains("other targets"));
     let mut lit = Slab::small().towards(halves(ORANGE, BLUE));
@@ -342,6 +347,9 @@ impl Strategy for Interrupted<'_> {
     }
     fn settings(&self) -> Vec<(&'static str, f64)> {
         self.inner.settings()
+    }
+    fn iterations(&self) -> u32 {
+        self.inner.iterations()
     }
     fn check(&self) -> Result<(), RefineError> {
         self.inner.check()

@@ -14,8 +14,8 @@
 //! use pellucid::voxel::{Frame, LabelGrid};
 //! use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let mut settings = PrintSettings { spp: 2, ..PrintSettings::default() };
-//! settings.refine.iterations = 1;
+//! let mut settings = PrintSettings { spp: Some(2), ..PrintSettings::default() };
+//! settings.refine.iterations = Some(1);
 //! let job = PrintJob::new(settings)?;
 //! // Half a millimetre of a tool's own voxels; `prepare` takes a model of `mesh::import_path` instead.
 //! let frame = Frame::new([0.0; 3], job.settings().printer.pitch(), [12, 6, 18])?;

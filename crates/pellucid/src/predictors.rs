@@ -20,9 +20,9 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
 /// The predictor that settings name, with the gradient that their strategy needs; the path tracer where an object has
 /// to decide.
 pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
-    let mut tracer = monte_carlo(settings, settings.spp)?;
+    let mut tracer = monte_carlo(settings, settings.spp.unwrap_or(settings.strategy.spp()))?;
     if settings.strategy == StrategyKind::Descent {
-        tracer = tracer.with_pooled_adjoint();
+        tracer = tracer.with_pooled_adjoint().with_adjoint_paths(settings.gradient_spp)?;
     }
     let values: Arc<dyn Predictor> = match settings.predictor {
         PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer),

@@ -47,11 +47,12 @@ impl PredictorKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum StrategyKind {
-    /// Correct each surface voxel's own column, from the surface down.
-    #[default]
+    /// Correct each surface voxel's own column, from the surface down: the method's paper, section 5.2; a quarter of the
+    /// time.
     #[serde(rename = "surface-first")]
     SurfaceFirst,
     /// Follow the derivatives of a perceptual loss by the materials of every voxel, after a few steps of the other.
+    #[default]
     #[serde(rename = "descent")]
     Descent,
 }
@@ -78,18 +79,17 @@ impl StrategyKind {
         }
     }
 
-    /// Iterations that it should have, [`RefineSettings::iterations`]: the default of the first, and 30 of descent, whose
-    /// first five are the other's.
-    pub fn iterations(self) -> u32 {
+    /// Paths a point and channel that its predictions need, [`PrintSettings::spp`].
+    pub fn spp(self) -> u32 {
         match self {
-            Self::SurfaceFirst => RefineSettings::default().iterations,
-            Self::Descent => 30,
+            Self::SurfaceFirst => 16,
+            Self::Descent => 8,
         }
     }
 }
 
 /// Settings of a [`PrintJob`](crate::PrintJob). All of them are recorded in a print's manifest and report, and can be
-/// read back from there.
+/// read back from there; what is left to the strategy is recorded as it was used.
 ///
 /// End a literal with `..PrintSettings::default()`: fields will be added. No cargo feature adds or changes one.
 ///
@@ -121,8 +121,8 @@ pub struct PrintSettings {
     #[serde(skip)]
     pub weights: Option<crate::NetworkWeights>,
     /// Paths a point and channel in each iteration: of every point with [`PredictorKind::MonteCarlo`], of those that
-    /// correct the network with [`PredictorKind::Rpnn`].
-    pub spp: u32,
+    /// correct the network with [`PredictorKind::Rpnn`]. [`StrategyKind::spp`] where `None`.
+    pub spp: Option<u32>,
     /// How paths correct the network.
     pub correction: Correction,
     /// What neighbouring points share of the network's work; null for nothing.
@@ -135,7 +135,7 @@ pub struct PrintSettings {
     pub instruction_set: Option<InstructionSet>,
     /// Refinement: iterations, coloured depth and so on. Its seed is [`PrintSettings::seed`].
     pub refine: RefineSettings,
-    /// How materials are rearranged. [`StrategyKind::iterations`] says how many iterations that takes.
+    /// How materials are rearranged.
     pub strategy: StrategyKind,
     /// Settings of [`StrategyKind::SurfaceFirst`].
     pub surface_first: SurfaceFirst,
@@ -143,6 +143,8 @@ pub struct PrintSettings {
     pub descent: Descent,
     /// Where it takes derivatives from.
     pub gradient: GradientKind,
+    /// Mean number of paths a point and channel of [`GradientKind::Paths`] in each iteration, above 0.
+    pub gradient_spp: f32,
     /// Seed of everything random.
     pub seed: u64,
     /// What the judge traces.
@@ -166,7 +168,7 @@ impl Default for PrintSettings {
             absolute: false,
             predictor: PredictorKind::default(),
             weights: None,
-            spp: 16,
+            spp: None,
             correction: Correction::default(),
             sharing: Some(Sharing::default()),
             device: None,
@@ -176,6 +178,7 @@ impl Default for PrintSettings {
             surface_first: SurfaceFirst::default(),
             descent: Descent::default(),
             gradient: GradientKind::default(),
+            gradient_spp: 4.0,
             seed: 0,
             judge: Effort::default(),
             judge_spp: 3,
@@ -188,8 +191,9 @@ impl Default for PrintSettings {
 impl PrintSettings {
     /// Checks what does not need other crates' tables, and finds the label of white.
     pub(crate) fn check(&self) -> Result<u8, PrintError> {
+        let spp = self.spp.unwrap_or(self.strategy.spp());
         for (field, value) in
-            [("spp", self.spp), ("judge_spp", self.judge_spp), ("judge_point_spp", self.judge_point_spp)]
+            [("spp", spp), ("judge_spp", self.judge_spp), ("judge_point_spp", self.judge_point_spp)]
         {
             if !(1..=MOST).contains(&value) {
                 return Err(PrintError::invalid(field, format!("{value}; 1 to {MOST} are possible")));

@@ -1,7 +1,8 @@
 //! Where a job keeps what it has done: `OUT.job` beside its output.
 //!
-//! It holds the record, `choice.json` where a predictor was chosen, `refinement.bin` after every iteration, and `judged.bin` after the judge. Each file is written
-//! whole or not at all, so a job that was killed goes on where it was, and ends with the same bytes.
+//! It holds the record, `choice.json` where a predictor was chosen, `refinement.bin` after iterations (all of them where
+//! keeping the state takes no time to speak of), and `judged.bin` after the judge. Each file is written whole or not at
+//! all, so a job that was killed goes on near where it was, and ends with the same bytes.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +11,7 @@ use pellucid_core::Checkpoints;
 use crate::PrintError;
 use crate::record::Record;
 
-/// The refinement's state after its last whole iteration.
+/// The refinement's state after a whole iteration.
 pub(crate) const REFINEMENT: &str = "refinement.bin";
 /// Which predictor was chosen.
 pub(crate) const CHOICE: &str = "choice.json";

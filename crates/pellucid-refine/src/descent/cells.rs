@@ -1,8 +1,12 @@
 //! Derivatives by voxels, summed over the cells that share a mixture.
 
 use pellucid_predict::MaterialGradient;
+use rayon::prelude::*;
 
 use crate::Setup;
+
+/// Voxels whose cells one task finds.
+const TASK: usize = 1024;
 
 /// Sums derivatives by the amounts of labels over the cells (surface voxel and layer) of a refinement.
 pub(super) struct CellGradient<'a> {
@@ -12,8 +16,6 @@ pub(super) struct CellGradient<'a> {
     position: [u8; 256],
     /// `[point][layer][label]`.
     values: Vec<f32>,
-    /// The voxel asked for last, and where its cell's values are.
-    last: Option<([u32; 3], Option<usize>)>,
 }
 
 impl<'a> CellGradient<'a> {
@@ -27,7 +29,6 @@ impl<'a> CellGradient<'a> {
             pitch: setup.problem.object.surface().frame().pitch().mm(),
             position,
             values: vec![0.0; setup.points.len() * setup.layers.count() * labels.len()],
-            last: None,
         }
     }
 
@@ -46,6 +47,13 @@ impl<'a> CellGradient<'a> {
         values
     }
 
+    fn add_to(&mut self, cell: usize, label: u8, derivative: f32) {
+        let position = self.position[usize::from(label)];
+        if position != u8::MAX {
+            self.values[cell + usize::from(position)] += derivative;
+        }
+    }
+
     fn cell(&self, voxel: [u32; 3]) -> Option<usize> {
         let Setup { problem, layers, .. } = self.setup;
         let point = problem.nearest.nearest(voxel)?;
@@ -59,16 +67,19 @@ impl<'a> CellGradient<'a> {
 
 impl MaterialGradient for CellGradient<'_> {
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
-        let cell = match self.last {
-            Some((last, cell)) if last == voxel => cell,
-            _ => self.cell(voxel),
-        };
-        self.last = Some((voxel, cell));
-        let position = self.position[usize::from(label)];
-        if let Some(cell) = cell
-            && position != u8::MAX
-        {
-            self.values[cell + usize::from(position)] += derivative;
+        if let Some(cell) = self.cell(voxel) {
+            self.add_to(cell, label, derivative);
+        }
+    }
+
+    fn add_rows(&mut self, voxels: &[[u32; 3]], derivatives: &[f32]) {
+        let Some(materials) = derivatives.len().checked_div(voxels.len()) else { return };
+        let cells = voxels.par_iter().with_min_len(TASK).map(|&voxel| self.cell(voxel));
+        let cells: Vec<Option<usize>> = cells.collect();
+        for (cell, row) in cells.into_iter().zip(derivatives.chunks_exact(materials.max(1))) {
+            if let Some(cell) = cell {
+                (1..=u8::MAX).zip(row).for_each(|(label, &value)| self.add_to(cell, label, value));
+            }
         }
     }
 

@@ -25,8 +25,6 @@ use state::{CellMixtures, Cells};
 const FINE_MM: f64 = 0.045;
 /// How much it counts beside [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
 const FINE_WEIGHT: f32 = 0.25;
-/// Steps after which the bound of the loss's curvature is found anew.
-const REFRESH: u32 = 6;
 /// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
 /// before them.
 const SETTLED: f64 = 0.005;
@@ -93,6 +91,11 @@ impl Strategy for Descent {
         all.push(("forgiveness", self.forgiveness.into()));
         all.push(("contrast", self.contrast.into()));
         all
+    }
+
+    /// Its opening's among them.
+    fn iterations(&self) -> u32 {
+        40
     }
 
     fn check(&self) -> Result<(), RefineError> {
@@ -185,7 +188,7 @@ impl Descent {
         state.losses.push(total);
 
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
-        if state.steps.is_multiple_of(REFRESH) {
+        if state.steps == 0 {
             let by_inks = pull(setup, seen, draw, &found.curvature, control)?;
             let expected = found.curvature.iter().zip(&reach).map(|(w, s)| dot(w, s)).sum();
             state.take_curvature(setup, &by_inks, expected);

@@ -11,6 +11,10 @@ use crate::volume::Volume;
 
 /// Units a millimetre.
 const UNIT: f32 = (1 << 24) as f32;
+/// Bricks that one task hands out.
+const TASK: usize = 128;
+/// Bricks whose rows are in memory at a time.
+const TOGETHER: usize = 16 * TASK;
 
 /// Sums of one channel, in units of 2^-24 mm, for every voxel of the bricks that are wanted: T l of the flights, and
 /// for each phase function the scatterings' row less -T l.
@@ -118,37 +122,48 @@ impl Cells {
         });
     }
 
-    /// Hands out the sums of one brick after the other as (voxel, sums in mm), those within the region that are not
-    /// all 0, and sets them to 0.
-    pub(crate) fn drain<E>(
+    /// Hands out the sums of some bricks after the other, as voxels with the rows that `row` writes of their sums in mm,
+    /// and sets them to 0. Of the voxels within the region those that are not all 0.
+    pub(crate) fn drain<E: Send>(
         &mut self,
         volume: &Volume,
         region: Option<[[u32; 3]; 2]>,
-        mut check: impl FnMut() -> Result<(), E>,
-        mut visit: impl FnMut([u32; 3], &[f64]),
+        width: usize,
+        row: impl Fn(&[f64], &mut [f32]) + Sync,
+        mut visit: impl FnMut(&[[u32; 3]], &[f32]) -> Result<(), E>,
     ) -> Result<(), E> {
-        let mut values = vec![0.0; self.stride];
-        for (b, brick) in self.bricks.iter().enumerate() {
-            if b % 1024 == 0 {
-                check()?;
+        let stride = self.stride;
+        let size = 64 * stride;
+        let wanted = |voxel: &[u32; 3]| {
+            region.is_none_or(|[first, end]| (0..3).all(|a| (first[a]..end[a]).contains(&voxel[a])))
+        };
+        let of_bricks = |(sums, bricks): (&mut [AtomicI64], &[[u32; 3]])| {
+            let (mut voxels, mut rows) = (Vec::new(), Vec::new());
+            let mut values = vec![0.0; stride];
+            for (sums, brick) in sums.chunks_exact_mut(size).zip(bricks) {
+                for (local, sums) in sums.chunks_exact_mut(stride).enumerate() {
+                    if sums.iter_mut().all(|s| *s.get_mut() == 0) {
+                        continue;
+                    }
+                    for (value, sum) in values.iter_mut().zip(sums) {
+                        *value = std::mem::take(sum.get_mut()) as f64 / f64::from(UNIT);
+                    }
+                    let inner = inner(brick, local);
+                    let voxel = inner.map(|c| c.wrapping_sub(MARGIN));
+                    if volume.bricks().byte(inner) & 15 != 0 && wanted(&voxel) {
+                        voxels.push(voxel);
+                        rows.resize(rows.len() + width, 0.0);
+                        let start = rows.len() - width;
+                        row(&values, &mut rows[start..]);
+                    }
+                }
             }
-            let sums = &mut self.sums[b * 64 * self.stride..][..64 * self.stride];
-            for (local, sums) in sums.chunks_exact_mut(self.stride).enumerate() {
-                if sums.iter_mut().all(|s| *s.get_mut() == 0) {
-                    continue;
-                }
-                for (value, sum) in values.iter_mut().zip(sums) {
-                    *value = std::mem::take(sum.get_mut()) as f64 / f64::from(UNIT);
-                }
-                let inner = inner(brick, local);
-                if volume.bricks().byte(inner) & 15 == 0 {
-                    continue;
-                }
-                let voxel = inner.map(|c| c - MARGIN);
-                if region.is_none_or(|[first, end]| (0..3).all(|a| (first[a]..end[a]).contains(&voxel[a]))) {
-                    visit(voxel, &values);
-                }
-            }
+            (voxels, rows)
+        };
+        for (sums, bricks) in self.sums.chunks_mut(size * TOGETHER).zip(self.bricks.chunks(TOGETHER)) {
+            let parts = sums.par_chunks_mut(size * TASK).zip(bricks.par_chunks(TASK));
+            let parts: Vec<_> = parts.map(of_bricks).collect();
+            parts.iter().try_for_each(|(voxels, rows)| visit(voxels, rows))?;
         }
         Ok(())
     }

@@ -100,6 +100,16 @@ pub trait Derivatives {
     /// and material at most, channel by channel, in an order that depends on the volume alone.
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32);
 
+    /// Adds to the derivatives by every material of the table in some thousands of voxels, none twice: `derivatives` is
+    /// `[voxel][material]`, labels 1 and up. The tracer calls this, which unless overridden calls [`Derivatives::add`]
+    /// for each.
+    fn add_rows(&mut self, voxels: &[[u32; 3]], derivatives: &[f32]) {
+        let Some(materials) = derivatives.len().checked_div(voxels.len()) else { return };
+        for (voxel, row) in voxels.iter().zip(derivatives.chunks_exact(materials.max(1))) {
+            (1..=u8::MAX).zip(row).for_each(|(label, &derivative)| self.add(*voxel, label, derivative));
+        }
+    }
+
     /// The voxels that derivatives are wanted for, from the first `[x, y, z]` to before the last; all where `None`.
     fn region(&self) -> Option<[[u32; 3]; 2]> {
         None

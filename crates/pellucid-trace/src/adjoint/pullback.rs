@@ -154,23 +154,23 @@ impl Pass<'_> {
     ) -> Result<(), TraceError> {
         let (tracer, channel) = (self.tracer, self.channel);
         let materials = &tracer.materials;
-        let rows: Vec<(u8, f64, f64, usize)> = (1..=materials.len())
-            .map(|label| {
-                let m = &materials.materials()[label - 1];
-                let (s, a) = (f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel]));
-                (label as u8, s * per_path, (s + a) * per_path, 1 + self.phases.of(label - 1))
+        let materials: Vec<(f64, f64, usize)> = (0..materials.len())
+            .map(|m| {
+                let material = &materials.materials()[m];
+                let (s, a) = (f64::from(material.sigma_s[channel]), f64::from(material.sigma_a[channel]));
+                (s * per_path, (s + a) * per_path, 1 + self.phases.of(m))
             })
             .collect();
+        let row = |sums: &[f64], row: &mut [f32]| {
+            for (value, &(scattering, extinction, phase)) in row.iter_mut().zip(&materials) {
+                *value = (scattering * sums[phase] - extinction * sums[0]) as f32;
+            }
+        };
         let region = out.region();
-        cells.drain(
-            tracer.volume,
-            region,
-            || Ok(control.check()?),
-            |voxel, sums| {
-                for &(label, scattering, extinction, phase) in &rows {
-                    out.add(voxel, label, (scattering * sums[phase] - extinction * sums[0]) as f32);
-                }
-            },
-        )
+        cells.drain(tracer.volume, region, materials.len(), row, |voxels, rows| {
+            control.check()?;
+            out.add_rows(voxels, rows);
+            Ok(())
+        })
     }
 }

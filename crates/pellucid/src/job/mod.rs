@@ -12,11 +12,12 @@ use std::sync::Arc;
 use pellucid_core::staging;
 use pellucid_mesh::Model;
 use pellucid_predict::{Identity, InstructionSet, Predictor};
+use pellucid_refine::Strategy;
 use pellucid_voxel::LabelGrid;
 
 use crate::stage::Stage;
 use crate::workspace::CHOICE;
-use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, Workspace, predictors};
+use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyKind, Workspace, predictors};
 
 pub use aimed::{Aimed, SharedInk};
 pub use judged::Judged;
@@ -56,6 +57,12 @@ impl PrintJob {
     pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
         let white = settings.check()?;
         settings.refine.seed = settings.seed;
+        settings.spp.get_or_insert(settings.strategy.spp());
+        let iterations = match settings.strategy {
+            StrategyKind::SurfaceFirst => settings.surface_first.iterations(),
+            StrategyKind::Descent => settings.descent.iterations(),
+        };
+        settings.refine.iterations.get_or_insert(iterations);
         pellucid_slice::check_materials(
             &settings.printer,
             &settings.materials,
@@ -65,7 +72,7 @@ impl PrintJob {
         Ok(Self { settings, white, predictor })
     }
 
-    /// The settings.
+    /// The settings, with what was left to the strategy.
     pub fn settings(&self) -> &PrintSettings {
         &self.settings
     }

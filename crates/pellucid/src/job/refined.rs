@@ -1,5 +1,7 @@
 //! The third artefact: the labels to print.
 
+use std::time::{Duration, Instant};
+
 use pellucid_predict::Predictor;
 use pellucid_refine::{RefineReport, Refinement, Saved, Strategy};
 use pellucid_voxel::LabelGrid;
@@ -21,9 +23,32 @@ pub struct Refined {
     pub report: RefineReport,
 }
 
+/// A twentieth of the time at most goes into keeping what is done.
+const KEEPING: u32 = 20;
+
+/// When it is time to keep what is done.
+#[derive(Default)]
+struct Pace {
+    /// When it was last kept, and how long that took.
+    last: Option<(Instant, Duration)>,
+}
+
+impl Pace {
+    fn is_due(&self) -> bool {
+        self.last.is_none_or(|(at, took)| at.elapsed() >= KEEPING * took)
+    }
+
+    fn keep<E>(&mut self, keep: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
+        let start = Instant::now();
+        keep()?;
+        self.last = Some((Instant::now(), start.elapsed()));
+        Ok(())
+    }
+}
+
 impl PrintJob {
     /// Rearranges materials until the predicted appearance comes close to the target. The state is kept in
-    /// `workspace` after every iteration, and taken up from there.
+    /// `workspace` after iterations, so often that little is lost and little time spent, and taken up from there.
     ///
     /// # Errors
     /// [`PrintError::Refine`], [`PrintError::Predict`], [`PrintError::Io`] when a checkpoint cannot be written,
@@ -83,14 +108,17 @@ impl PrintJob {
                 }
                 None => Refinement::new(problem, strategy, settings, control)?,
             };
-            let steps = u64::from(self.settings.refine.iterations) + 1;
+            let mut pace = Pace::default();
+            let steps = u64::from(refinement.iterations()) + 1;
             while !refinement.is_finished() {
                 let before = u64::from(refinement.iteration());
                 let progress = |done: u64, total: u64| {
                     control.report(before * total.max(1) + done, steps * total.max(1));
                 };
                 refinement.step(&mut labels, &mut *bound, &control.silent().with_progress(&progress))?;
-                workspace.save(REFINEMENT, || Ok(refinement.save().to_bytes()?))?;
+                if refinement.is_finished() || pace.is_due() {
+                    pace.keep(|| workspace.save(REFINEMENT, || Ok(refinement.save().to_bytes()?)))?;
+                }
             }
             Ok::<_, PrintError>(refinement.finish(&mut labels, &control.silent())?)
         })?;
