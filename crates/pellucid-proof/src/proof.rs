@@ -12,6 +12,8 @@ pub const ERROR_SCALE: f32 = 20.0;
 
 /// CIEDE2000 between the marks of the scale.
 const MARK: f32 = 5.0;
+/// Pixels that a mark cuts out of the scale.
+const CUT: f32 = 3.0;
 /// Pixels across the scale.
 const SCALE_WIDTH: u32 = 16;
 
@@ -132,10 +134,12 @@ fn colored(parts: &Picture, quantity: impl Fn([f32; 4]) -> f32) -> Result<Pictur
 
 /// The colours from [`ERROR_SCALE`] above to 0 below, cut at every [`MARK`].
 fn scale(height: u32) -> Result<Picture, ProofError> {
-    let at = |row: u32| ERROR_SCALE * (1.0 - (row as f32 + 0.5) / height as f32);
     let pixel = |row: u32| {
-        let cut = row + 1 < height && (at(row) / MARK).floor() > (at(row + 1) / MARK).floor();
-        let [r, g, b] = false_color(at(row) / ERROR_SCALE);
+        let error = ERROR_SCALE * (1.0 - (row as f32 + 0.5) / height as f32);
+        let mark = (error / MARK).round() * MARK;
+        let inside = mark > 0.0 && mark < ERROR_SCALE;
+        let cut = inside && (error - mark).abs() * height as f32 / ERROR_SCALE <= 0.5 * CUT;
+        let [r, g, b] = false_color(error / ERROR_SCALE);
         [r, g, b, if cut { 0.0 } else { 1.0 }]
     };
     let rgba = (0..height).flat_map(|row| pixel(row).repeat(SCALE_WIDTH as usize));
@@ -209,7 +213,8 @@ mod tests {
         }
         let x = 8 + 4 * (width + 8) + SCALE_WIDTH / 2;
         let column: Vec<[u8; 3]> = (0..height).map(|y| pixel(x, 8 + y)).collect();
-        assert_eq!(column.iter().filter(|p| **p == [128; 3]).count(), 3, "cut at 5, 10 and 15");
+        let cuts = column.windows(2).filter(|p| p[0] != [128; 3] && p[1] == [128; 3]).count();
+        assert_eq!(cuts, 3, "at 5, 10 and 15: {column:?}");
         assert!(column[0][0] > 200 && column[height as usize - 1][1] < 30, "{column:?}");
 
         #[cfg(feature = "exr")]

@@ -19,9 +19,6 @@ pub struct Judged {
     /// What every surface voxel shows by either half of the passes over all, linear RGB relative to the print's white;
     /// alike without random error.
     pub shown: [Vec<[f32; 3]>; 2],
-    /// CIEDE2000 of every surface voxel to the target as given at 0.1 mm, the noise's share taken out, in three parts:
-    /// out of gamut, too thin, cross-talk ([`ErrorShares`](crate::ErrorShares)). Their sum is the error.
-    pub parts: Vec<[f32; 3]>,
 }
 
 impl Judged {

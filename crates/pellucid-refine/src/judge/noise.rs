@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::difference::{differences, lab_of};
 
-/// Of a value a surface voxel: noise energy by radius, and of chroma at the widest.
+/// Squared noise of a surface voxel: CIEDE2000 by radius, and across the hue at the widest.
 pub(super) type Energy = [f32; 4];
 
 pub(super) fn mean_of(halves: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
@@ -14,12 +14,18 @@ pub(super) fn mean_of(halves: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     }
 }
 
-/// CIEDE2000 that is noise, and squared chroma, by voxel. Empty of one pass.
-pub(super) fn noise_of(halves: &[Vec<[f32; 3]>]) -> Vec<[f32; 2]> {
+/// By voxel, CIEDE2000 that is noise, and the squared noise of (a\*, b\*) across the mean's hue, which adds to chroma; along
+/// it noise cancels. `mean` is the mean's Lab. Empty of one pass.
+pub(super) fn noise_of(halves: &[Vec<[f32; 3]>], mean: &[[f32; 3]]) -> Vec<[f32; 2]> {
     let [a, b] = halves else { return Vec::new() };
     let [a, b] = [a, b].map(|half| lab_of(half));
-    let chroma = |a: &[f32; 3], b: &[f32; 3]| 0.25 * ((a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2));
-    differences(&a, &b).into_iter().zip(a.iter().zip(&b)).map(|(d, (a, b))| [0.5 * d, chroma(a, b)]).collect()
+    let across = |a: &[f32; 3], b: &[f32; 3], mean: &[f32; 3]| {
+        let turned = (a[1] - b[1]) * mean[2] - (a[2] - b[2]) * mean[1];
+        0.25 * turned * turned / (mean[1] * mean[1] + mean[2] * mean[2]).max(f32::MIN_POSITIVE)
+    };
+    let voxels = a.par_iter().zip(&b).zip(mean);
+    let across: Vec<f32> = voxels.map(|((a, b), mean)| across(a, b, mean)).collect();
+    differences(&a, &b).into_iter().zip(across).map(|(d, across)| [0.5 * d, across]).collect()
 }
 
 pub(super) fn mean_noise(noise: &[[f32; 2]]) -> f64 {

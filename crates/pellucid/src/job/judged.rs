@@ -104,7 +104,8 @@ impl PrintJob {
         };
         let appearance = [pictured(&refined.unrefined, &before)?, pictured(&refined.labels, &after)?];
         let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
-        Ok(Verdict { evaluation, prediction, appearance, parts: after.parts })
+        let parts = judge.error_parts(&appearance[1], &silent)?;
+        Ok(Verdict { evaluation, prediction, appearance, parts })
     }
 
     /// Radiance of some points by the network without its correction, where the job's predictor has one.
