@@ -1,30 +1,31 @@
 //! Judging any labels against any target by fresh predictions.
 
 mod classes;
+mod effort;
 mod errors;
 mod judged;
 mod mean_color;
 mod noise;
+mod passes;
 mod shares;
 
 use pellucid_color::Viewing;
 use pellucid_core::random::{Domain, hash};
 use pellucid_core::{Control, ErrorStats};
-use pellucid_predict::{BoundPredictor, Capabilities, Changed, Draw, Object, Pass};
+use pellucid_predict::{BoundPredictor, Capabilities, Changed, Object};
 use pellucid_voxel::{LabelGrid, Surface, near_order};
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::difference::{differences, lab_of};
 use crate::low_pass::{LOCAL_MM, LowPass};
 use crate::problem::{check_colors, check_list};
-use crate::settings::check_ranges;
 use crate::{Problem, RefineError, SurfaceSmoother};
 
 use noise::{Energy, mean_noise, mean_of, noise_of, without_noise};
+use passes::{Halves, Meter};
 use shares::divided;
 
 pub use classes::ColorClass;
+pub use effort::Effort;
 pub use errors::{ClassErrors, Errors, Evaluation, Sharpness, StateErrors};
 pub use judged::Judged;
 pub use mean_color::MeanColor;
@@ -58,40 +59,6 @@ impl<'a> From<Problem<'a>> for JudgeInput<'a> {
     }
 }
 
-/// How much is predicted. Every pass is one prediction with random numbers of its own; how many paths that is, the
-/// predictor knows. A predictor without random error is asked once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Effort {
-    /// Surface voxels drawn for per-voxel errors, spread over the surface, 1 to 2^30; all when there are no more.
-    pub points: u32,
-    /// Passes over those, even, 2 to 16384.
-    pub point_passes: u32,
-    /// Passes over every surface voxel, even, 2 to 16384.
-    pub surface_passes: u32,
-}
-
-impl Default for Effort {
-    fn default() -> Self {
-        Self { points: 1_000, point_passes: 2, surface_passes: 2 }
-    }
-}
-
-impl Effort {
-    /// Checks the documented ranges.
-    ///
-    /// # Errors
-    /// [`RefineError::Invalid`] naming the first field out of range.
-    pub fn check(&self) -> Result<(), RefineError> {
-        let passes = |n: u32| (2..=1 << 14).contains(&n) && n.is_multiple_of(2);
-        check_ranges(&[
-            ("points", (1..=1 << 30).contains(&self.points), "1 to 2^30"),
-            ("point_passes", passes(self.point_passes), "even, 2 to 16384"),
-            ("surface_passes", passes(self.surface_passes), "even, 2 to 16384"),
-        ])
-    }
-}
-
 /// Says how well labels show a target. What depends on object and target alone is made once, for any number of labels.
 pub struct Judge<'a> {
     input: JudgeInput<'a>,
@@ -110,16 +77,6 @@ pub struct Judge<'a> {
     contrasts: [Vec<f32>; 2],
     /// CIEDE2000 at [`VIEWED`] from the target to what gamut leaves of it, and on to what thickness leaves.
     steps: Vec<[f32; 2]>,
-}
-
-/// Relative RGB of every surface voxel by halves of the passes, or by one pass without random error.
-type Halves = Vec<Vec<[f32; 3]>>;
-
-/// Counts passes for progress.
-struct Meter<'c> {
-    control: Control<'c>,
-    done: u64,
-    total: u64,
 }
 
 impl<'a> Judge<'a> {
@@ -302,79 +259,6 @@ impl<'a> Judge<'a> {
         let shown = [surface[0].clone(), surface[surface.len() - 1].clone()];
         self.smoothed_errors(surface, &mut errors, &control.silent())?;
         Ok(Judged { errors, points: self.points.clone(), halves, shown })
-    }
-
-    /// One pass; counts its paths.
-    fn pass(
-        &self,
-        points: &[u32],
-        pass: u32,
-        out: &mut [f32],
-        bound: &dyn BoundPredictor,
-        meter: &mut Meter<'_>,
-    ) -> Result<u64, RefineError> {
-        let Meter { control, done, total } = *meter;
-        let share = points.len() as f64;
-        let progress = |part: u64, of: u64| {
-            control.report(done + (share * part as f64 / of.max(1) as f64) as u64, total);
-        };
-        let inner = control.silent().with_progress(&progress);
-        let draw = Draw::new(self.seed, Pass::Judge(pass));
-        let diagnostics = bound.predict(points, draw, out, &inner).map_err(RefineError::judge)?;
-        if out.par_iter().any(|v| !v.is_finite()) {
-            return Err(RefineError::invalid("prediction", "a radiance is not finite"));
-        }
-        meter.done += points.len() as u64;
-        Ok(diagnostics.paths)
-    }
-
-    fn surface_halves(
-        &self,
-        all: &[u32],
-        passes: u32,
-        bound: &dyn BoundPredictor,
-        meter: &mut Meter<'_>,
-        paths: &mut u64,
-    ) -> Result<Halves, RefineError> {
-        let viewing = self.input.viewing;
-        let halves = passes.min(2);
-        let scale = f64::from(halves) / f64::from(passes);
-        let mut sums = vec![vec![[0.0f64; 3]; all.len()]; halves as usize];
-        let mut radiance = vec![0.0; all.len() * viewing.channels()];
-        for pass in 0..passes {
-            *paths += self.pass(all, pass, &mut radiance, bound, meter)?;
-            let values = radiance.par_chunks_exact(viewing.channels());
-            sums[(pass % halves) as usize].par_iter_mut().zip(values).for_each(|(sum, l)| {
-                let rgb = viewing.relative_rgb(l);
-                (0..3).for_each(|c| sum[c] += f64::from(rgb[c]));
-            });
-        }
-        Ok(sums
-            .into_iter()
-            .map(|half| half.into_iter().map(|sum| sum.map(|v| (v * scale) as f32)).collect())
-            .collect())
-    }
-
-    fn point_halves(
-        &self,
-        passes: std::ops::Range<u32>,
-        bound: &dyn BoundPredictor,
-        meter: &mut Meter<'_>,
-        paths: &mut u64,
-    ) -> Result<[Vec<f32>; 2], RefineError> {
-        let values = self.points.len() * self.input.viewing.channels();
-        let count = passes.len();
-        let mut sums = [vec![0.0f64; values], vec![0.0f64; values]];
-        let mut radiance = vec![0.0; values];
-        for (i, pass) in passes.enumerate() {
-            *paths += self.pass(&self.points, pass, &mut radiance, bound, meter)?;
-            sums[i % 2].iter_mut().zip(&radiance).for_each(|(sum, &v)| *sum += f64::from(v));
-        }
-        if count == 1 {
-            return Ok([radiance.clone(), radiance]);
-        }
-        let scale = 2.0 / count as f64;
-        Ok(sums.map(|half| half.into_iter().map(|sum| (sum * scale) as f32).collect()))
     }
 
     fn voxel_errors(&self, halves: &[Vec<f32>; 2]) -> Errors {
