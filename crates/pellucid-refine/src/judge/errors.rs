@@ -39,8 +39,8 @@ pub struct ClassErrors {
     /// Mean colour of the printable target, at 0.2 mm.
     #[serde(default)]
     pub printable: MeanColor,
-    /// Mean colour of what is shown, at 0.2 mm. What noise adds to chroma is taken out: its energy across the hue, as from
-    /// errors; of neutrals some of it stays.
+    /// Mean colour of what is shown, at 0.2 mm. What noise adds to chroma is taken out: its energy across the hue, as
+    /// from errors. Of neutrals some of it stays.
     #[serde(default)]
     pub shown: MeanColor,
 }

@@ -14,8 +14,8 @@ pub(super) fn mean_of(halves: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     }
 }
 
-/// By voxel, CIEDE2000 that is noise, and the squared noise of (a\*, b\*) across the mean's hue, which adds to chroma; along
-/// it noise cancels. `mean` is the mean's Lab. Empty of one pass.
+/// By voxel, CIEDE2000 that is noise, and the squared noise of (a\*, b\*) across the hue of the mean, which adds to
+/// chroma; along it noise cancels. `mean` is the mean in Lab. Empty of one pass.
 pub(super) fn noise_of(halves: &[Vec<[f32; 3]>], mean: &[[f32; 3]]) -> Vec<[f32; 2]> {
     let [a, b] = halves else { return Vec::new() };
     let [a, b] = [a, b].map(|half| lab_of(half));

@@ -7,15 +7,15 @@ use serde::{Deserialize, Serialize};
 ///
 /// From the target to what is shown it is three steps, each a CIEDE2000 difference: what the gamut takes, what
 /// thickness takes of that, and what is left to the printable target. The error of each surface voxel is divided in
-/// proportion to its steps, and the divided errors are averaged. Steps may lead back, so their lengths alone would sum to
-/// more than the error.
+/// proportion to its steps, and the divided errors are averaged. Steps may lead back, so their lengths alone would sum
+/// to more than the error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ErrorShares {
     /// The target is no colour of a thick print.
     pub out_of_gamut: f64,
-    /// The material is too thin for it. 0 unless the judge was told what a thick print would show
-    /// ([`Judge::with_gamut_target`](super::Judge::with_gamut_target)); `out_of_gamut` contains it then.
+    /// The material is too thin for what a thick print would show. Where the judge was not told what that is
+    /// ([`Judge::with_gamut_target`](super::Judge::with_gamut_target)), this is 0 and `out_of_gamut` contains it.
     pub too_thin: f64,
     /// What is shown is not the printable target: cross-talk from neighbours' inks, grain of the halftone, and all else
     /// that refinement may lessen.
