@@ -62,6 +62,7 @@ fn output_is_complete_and_slices_stack_back_into_the_grid() {
     assert_eq!(manifest.materials.iter().map(|m| m.voxels).sum::<u64>(), counts[1..].iter().sum::<u64>());
     let proof = std::fs::read(out.join("proof.png")).unwrap();
     assert!(proof.starts_with(b"\x89PNG") && proof.len() > 1000);
+    assert!(std::fs::read(out.join("error.png")).unwrap().starts_with(b"\x89PNG"));
     assert!(std::fs::read(out.join("proof.exr")).unwrap().starts_with(&[0x76, 0x2f, 0x31, 0x01]));
 
     // The report reads back as it was, and the record in the manifest is the report's.

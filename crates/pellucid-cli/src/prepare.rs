@@ -26,7 +26,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 pub struct Args {
     /// A glTF 2.0 model: .glb, or .gltf with its files beside it
     model: PathBuf,
-    /// Folder to create: slices/, manifest.json, report.json, proof.png, proof.exr
+    /// Folder to create: slices/, manifest.json, report.json, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it

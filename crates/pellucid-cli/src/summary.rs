@@ -39,6 +39,14 @@ pub fn of(report: &Report, out: &Path) -> String {
         after.voxel.printable.p95,
         100.0 * report.refinement.out_of_gamut
     );
+    let shares = &after.shares;
+    let [gamut, thin, rest] =
+        [shares.out_of_gamut, shares.too_thin, shares.cross_talk].map(|share| 100.0 * share);
+    let _ = writeln!(
+        text,
+        "left to the texture (over 0.1 mm): {:.2}, {gamut:.0} % out of gamut, {thin:.0} % too thin, {rest:.0} % cross-talk",
+        after.at_0_1_mm.raw.mean
+    );
     if let Some(choice) = &report.choice {
         let trial =
             |t: &pellucid::Trial| format!("{} {:.1} s, error {:.3}", t.predictor.name(), t.seconds, t.error);

@@ -10,6 +10,8 @@
 //! | [`Picture`] | linear colours and coverage |
 //! | [`SrgbImage`] | eight bits, to look at and to write as PNG |
 //! | [`contact_sheet`] | pictures side by side on mid grey |
+//! | [`false_color`] | a quantity as a colour |
+//! | [`Proof`] | states of a print and its errors in every view, and their files |
 //! | `write_exr` (feature `exr`) | linear pictures as the layers of one file |
 //!
 //! ```
@@ -35,6 +37,7 @@ mod contact_sheet;
 mod error;
 #[cfg(feature = "exr")]
 mod exr;
+mod false_color;
 mod picture;
 mod png;
 mod proof;
@@ -47,8 +50,9 @@ mod visibility;
 pub use crate::exr::write_exr;
 pub use contact_sheet::contact_sheet;
 pub use error::ProofError;
+pub use false_color::false_color;
 pub use picture::Picture;
-pub use proof::Proof;
+pub use proof::{ERROR_SCALE, Proof};
 pub use srgb_image::SrgbImage;
 pub use view::View;
 pub use visibility::{EDGE_RANGE, Visibility};

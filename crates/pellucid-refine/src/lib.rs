@@ -81,7 +81,8 @@ pub use error::RefineError;
 pub use gamut_ink::GamutInk;
 pub use ink::InkModel;
 pub use judge::{
-    ClassErrors, ColorClass, Effort, Errors, Evaluation, Judge, JudgeInput, Judged, Sharpness, StateErrors,
+    ClassErrors, ColorClass, Effort, ErrorShares, Errors, Evaluation, Judge, JudgeInput, Judged, MeanColor,
+    Sharpness, StateErrors,
 };
 pub use layers::Layers;
 pub use problem::Problem;

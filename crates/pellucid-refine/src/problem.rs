@@ -89,21 +89,26 @@ pub(crate) fn check_colors(
     target: &[[f32; 3]],
     printable_target: &[[f32; 3]],
 ) -> Result<(), RefineError> {
-    let voxels = object.surface().len();
-    for (field, colors) in [("target", target), ("printable target", printable_target)] {
-        if colors.len() != voxels {
-            let found = colors.len();
-            return Err(RefineError::invalid(field, format!("{found} colours for {voxels} surface voxels")));
-        }
-        if colors.iter().flatten().any(|v| !v.is_finite()) {
-            return Err(RefineError::invalid(field, "a colour is not finite"));
-        }
-    }
+    check_list(object, "target", target)?;
+    check_list(object, "printable target", printable_target)?;
     if viewing.channels() != object.channels() {
         return Err(RefineError::invalid(
             "viewing",
             format!("{} channels; the materials have {}", viewing.channels(), object.channels()),
         ));
+    }
+    Ok(())
+}
+
+/// Tells whether there is one finite colour a surface voxel.
+pub(crate) fn check_list(object: &Object, field: &str, colors: &[[f32; 3]]) -> Result<(), RefineError> {
+    let voxels = object.surface().len();
+    if colors.len() != voxels {
+        let found = colors.len();
+        return Err(RefineError::invalid(field, format!("{found} colours for {voxels} surface voxels")));
+    }
+    if colors.iter().flatten().any(|v| !v.is_finite()) {
+        return Err(RefineError::invalid(field, "a colour is not finite"));
     }
     Ok(())
 }

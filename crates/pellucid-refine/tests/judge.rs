@@ -12,7 +12,9 @@ use pellucid_core::random::{Domain, uniform};
 use pellucid_predict::{
     BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Object, Pass, PredictError,
 };
-use pellucid_refine::{ColorClass, Effort, Errors, Evaluation, Judge, JudgeInput, Judged, RefineError};
+use pellucid_refine::{
+    ColorClass, Effort, ErrorShares, Errors, Evaluation, Judge, JudgeInput, Judged, MeanColor, RefineError,
+};
 use pellucid_voxel::{Control, Frame, LabelGrid, Pitch, Surface, SurfaceOptions, Tile, near_order};
 
 /// Shows planted colours, with white noise of a given size: uniform, of this standard deviation in each channel.
@@ -86,7 +88,10 @@ impl Block {
         let viewing = viewing(self.object.channels());
         let input =
             JudgeInput { object: &self.object, viewing: &viewing, target, printable_target: printable };
-        let judge = Judge::new(input, effort, 3, &Control::none()).unwrap();
+        self.judge_by(&Judge::new(input, effort, 3, &Control::none()).unwrap(), shown, noise)
+    }
+
+    fn judge_by(&self, judge: &Judge<'_>, shown: Vec<[f32; 3]>, noise: f64) -> Judged {
         let mut bound = Planted { object: self.object.clone(), shown, noise, updated: false };
         judge.judge(&self.solid, &mut bound, Capabilities::new(noise > 0.0), &Control::none()).unwrap()
     }
@@ -220,6 +225,195 @@ fn white_noise_is_stated_and_taken_out_of_smoothed_errors() {
     assert!(judged.prediction_error(&off[1..]).is_err());
 }
 
+/// Lightness, chroma and hue in degrees.
+fn polar(rgb: [f32; 3]) -> [f64; 3] {
+    let lab = lab(rgb);
+    [lab.l, lab.a.hypot(lab.b), lab.b.atan2(lab.a).to_degrees().rem_euclid(360.0)]
+}
+
+fn near(mean: MeanColor, [l, c, h]: [f64; 3], tolerance: f64) -> bool {
+    let turn = (mean.hue_deg - h + 180.0).rem_euclid(360.0) - 180.0;
+    (mean.lightness - l).abs() < tolerance
+        && (mean.chroma - c).abs() < tolerance
+        && turn.to_radians().abs() * c < tolerance
+}
+
+#[test]
+fn classes_state_the_mean_colours_of_target_printable_and_shown() {
+    let block = block(3);
+    let half = |left, right| move |v: [u32; 3]| if v[0] < 50 { left } else { right };
+    const YELLOW: [f32; 3] = [0.7, 0.5, 0.1];
+    let [target, printable, shown] = [
+        half(YELLOW, BLUE),
+        half([0.6, 0.45, 0.15], [0.12, 0.15, 0.4]),
+        half([0.5, 0.48, 0.2], [0.2, 0.16, 0.35]),
+    ];
+    let fields = [&target, &printable, &shown].map(|f| block.field(f));
+    let judged = block.judge(&fields[1], &fields[0], fields[2].clone(), 0.0, effort());
+    let classes = &judged.errors.color_classes;
+    assert_eq!(classes.iter().map(|c| c.class).collect::<Vec<_>>(), [ColorClass::Yellow, ColorClass::Blue]);
+    for (class, at) in classes.iter().zip([[0; 3], [99, 0, 0]]) {
+        // Naive: each voxel's colour by the Gaussian's share on either side of the border, on the great faces.
+        let wanted = |colors: &dyn Fn([u32; 3]) -> [f32; 3]| {
+            let ([own, other], sigma) = ([colors(at), colors([99 - at[0], 0, 0])], 0.2);
+            let (mut means, mut chroma) = ([0.0; 3], 0.0);
+            for i in 0..50 {
+                let weight = |x: f64| {
+                    let x = (x - (f64::from(i) + 0.5)) * 25.4 / 600.0 / sigma;
+                    (-0.5 * x * x).exp()
+                };
+                let sum = |from: i32, to: i32| (from..to).map(|x| weight(f64::from(x) + 0.5)).sum::<f64>();
+                // Own from the outer end, 0, to the border at 50.
+                let (own_weight, other_weight) = (sum(0, 50), sum(50, 100));
+                let rgb = std::array::from_fn(|c| {
+                    let sum = f64::from(own[c]) * own_weight + f64::from(other[c]) * other_weight;
+                    (sum / (own_weight + other_weight)) as f32
+                });
+                let lab = lab(rgb);
+                [lab.l, lab.a, lab.b].iter().enumerate().for_each(|(c, v)| means[c] += v / 50.0);
+                chroma += lab.a.hypot(lab.b) / 50.0;
+            }
+            [means[0], chroma, means[2].atan2(means[1]).to_degrees().rem_euclid(360.0)]
+        };
+        // Pooling and the ends' own faces leave half a unit.
+        assert!(near(class.target, wanted(&target), 0.5), "{class:?} {:?}", wanted(&target));
+        assert!(near(class.printable, wanted(&printable), 0.5), "{class:?} {:?}", wanted(&printable));
+        assert!(near(class.shown, wanted(&shown), 0.5), "{class:?} {:?}", wanted(&shown));
+        let far = polar(shown(at));
+        assert!(near(class.shown, far, 6.0) && !near(class.shown, polar(target(at)), 6.0), "{class:?}");
+    }
+}
+
+#[test]
+fn detail_finer_than_0_2_mm_is_averaged_before_chroma_is_taken() {
+    let block = block(3);
+    let target = block.field(|_| RED);
+    // Stripes of three voxels, 0.13 mm, whose mean is grey.
+    let [cyan, pink] = [[0.1, 0.4, 0.4], [0.7, 0.4, 0.4]];
+    let shown = block.field(|v| if v[0] / 3 % 2 == 0 { cyan } else { pink });
+    let class = block.judge(&target, &target, shown, 0.0, effort()).errors.color_classes[0];
+    assert!(polar(cyan)[1] > 15.0 && polar(pink)[1] > 15.0);
+    assert!(
+        class.shown.chroma < 1.0 && (class.shown.lightness - polar([0.4; 3])[0]).abs() < 0.5,
+        "{class:?}"
+    );
+    assert!(near(class.target, polar(RED), 1e-2) && near(class.printable, polar(RED), 1e-2), "{class:?}");
+}
+
+#[test]
+fn noise_does_not_pass_for_chroma() {
+    let block = block(3);
+    let target = block.field(|_| [0.3; 3]);
+    let class = |shown: [f32; 3], noise: f64| {
+        let effort = Effort { points: 1, point_passes: 2, surface_passes: 2 };
+        block.judge(&target, &target, block.field(|_| shown), noise, effort).errors.color_classes[0].shown
+    };
+    // The mean of two passes with this noise, over the 0.2 mm Gaussian's voxels: its chroma by itself.
+    let noise = 0.4;
+    let [x, z] = [25.4 / 600.0, 0.027];
+    let voxels = 4.0 * std::f64::consts::PI * 0.2f64.powi(2) / (x * z);
+    let error = |c: u64, i: u64| {
+        let sum = uniform(5, Domain::new("own"), i, c) + uniform(6, Domain::new("own"), i, c) - 1.0;
+        (0.5 * sum * 12f64.sqrt() * noise / voxels.sqrt()) as f32
+    };
+    let alone = |rgb: [f32; 3]| {
+        let chroma = |i| polar(std::array::from_fn(|c| rgb[c] + error(c as u64, i)))[1];
+        (0..4000).map(chroma).sum::<f64>() / 4000.0
+    };
+    let grey = class([0.3; 3], noise);
+    assert!(alone([0.3; 3]) > 1.0 && grey.chroma < 0.8 * alone([0.3; 3]), "{grey:?}");
+    let pale = [0.33, 0.29, 0.28];
+    let (found, bare, wanted) = (class(pale, noise).chroma, alone(pale), polar(pale)[1]);
+    let left = (found - wanted).abs() / (bare - wanted);
+    assert!(bare - wanted > 0.5 && left < 0.25, "{found}, with noise {bare}, without {wanted}");
+    // What has chroma keeps it.
+    let (clean, noisy) = (class(RED, 0.0), class(RED, 0.25 * noise));
+    assert!(near(clean, polar(RED), 1e-2), "{clean:?}");
+    assert!(near(noisy, polar(RED), 0.5), "{noisy:?} {:?}", polar(RED));
+}
+
+#[test]
+fn the_error_is_shared_by_what_takes_it() {
+    let block = block(3);
+    let colors = [[0.9, 0.05, 0.04], [0.7, 0.12, 0.1], [0.65, 0.2, 0.15], [0.5, 0.25, 0.2]];
+    let [target, gamut, printable, shown] = colors.map(|c| block.field(|_| c));
+    let viewing = viewing(3);
+    let input = JudgeInput {
+        object: &block.object,
+        viewing: &viewing,
+        target: &target,
+        printable_target: &printable,
+    };
+    let new = || Judge::new(input, effort(), 3, &Control::none()).unwrap();
+    let steps: Vec<f64> = colors.windows(2).map(|pair| difference(pair[0], pair[1])).collect();
+    let way: f64 = steps.iter().sum();
+    let close = |shares: ErrorShares, wanted: [f64; 3]| {
+        let found = [shares.out_of_gamut, shares.too_thin, shares.cross_talk];
+        (found.iter().sum::<f64>() - 1.0).abs() < 1e-12
+            && found.iter().zip(wanted).all(|(f, w)| (f - w).abs() < 1e-3)
+    };
+    let told = new().with_gamut_target(&gamut, &Control::none()).unwrap();
+    let judged = block.judge_by(&told, shown.clone(), 0.0);
+    let shares = judged.errors.shares;
+    assert!(close(shares, [0, 1, 2].map(|i| steps[i] / way)), "{shares:?} {steps:?}");
+    let parts = told.error_parts(&judged.appearance(), &Control::none()).unwrap();
+    for part in &parts {
+        let sum: f64 = part.iter().map(|&v| f64::from(v)).sum();
+        assert!((sum - difference(colors[0], colors[3])).abs() < 0.01, "{part:?}");
+    }
+    let mean = parts.iter().flatten().map(|&v| f64::from(v)).sum::<f64>() / target.len() as f64;
+    assert!((mean - judged.errors.at_0_1_mm.raw.mean).abs() < 1e-4);
+    // Not told what a thick print shows, the gamut takes all up to the printable target.
+    let shares = block.judge_by(&new(), shown.clone(), 0.0).errors.shares;
+    let to_printable = difference(colors[0], colors[2]);
+    let way = to_printable + steps[2];
+    assert!(close(shares, [to_printable / way, 0.0, steps[2] / way]), "{shares:?}");
+    // Nothing is left to refinement, or nothing at all.
+    let perfect = block.judge_by(&told, printable.clone(), 0.0).errors.shares;
+    assert!(close(perfect, [steps[0] / (steps[0] + steps[1]), steps[1] / (steps[0] + steps[1]), 0.0]));
+    let short = told.error_parts(&shown[1..], &Control::none()).unwrap_err();
+    assert!(short.to_string().contains("appearance"), "{short}");
+    let short = new().with_gamut_target(&gamut[1..], &Control::none()).err().unwrap();
+    assert!(short.to_string().contains("gamut target"), "{short}");
+}
+
+#[test]
+fn parts_lie_where_the_error_does() {
+    let block = block(3);
+    // From left to right: out of gamut, too thin, cross-talk, and no error.
+    let quarter = |colors: [[f32; 3]; 4]| move |v: [u32; 3]| colors[(v[0] / 25) as usize];
+    let target = block.field(|_| RED);
+    let gamut = block.field(quarter([BLUE, RED, RED, RED]));
+    let printable = block.field(quarter([BLUE, BLUE, RED, RED]));
+    let shown = block.field(quarter([BLUE, BLUE, BLUE, RED]));
+    let viewing = viewing(3);
+    let input = JudgeInput {
+        object: &block.object,
+        viewing: &viewing,
+        target: &target,
+        printable_target: &printable,
+    };
+    let judge = Judge::new(input, effort(), 3, &Control::none()).unwrap();
+    let judge = judge.with_gamut_target(&gamut, &Control::none()).unwrap();
+    let judged = block.judge_by(&judge, shown.clone(), 0.02);
+    let error = difference(RED, BLUE) as f32;
+    let parts = judge.error_parts(&shown, &Control::none()).unwrap();
+    for (voxel, part) in block.object.surface().voxels().iter().zip(&parts) {
+        // More than 0.3 mm from the borders.
+        let (quarter, within) = (voxel[0] / 25, voxel[0] % 25);
+        if !(8..17).contains(&within) {
+            continue;
+        }
+        let wanted: [f32; 3] = std::array::from_fn(|i| if i == quarter as usize { error } else { 0.0 });
+        let off = part.iter().zip(wanted).map(|(p, w): (&f32, f32)| (p - w).abs()).fold(0.0, f32::max);
+        assert!(off < 0.08 * error, "{voxel:?} {part:?}, wanted {wanted:?}");
+    }
+    let ErrorShares { out_of_gamut, too_thin, cross_talk, .. } = judged.errors.shares;
+    for share in [out_of_gamut, too_thin, cross_talk] {
+        assert!((share - 1.0 / 3.0).abs() < 0.04, "{:?}", judged.errors.shares);
+    }
+}
+
 #[test]
 fn points_are_distinct_addressed_and_spread() {
     let block = block(3);
@@ -311,7 +505,17 @@ fn the_report_reads_as_documented() {
         assert!(state[field]["raw"]["p95"].is_f64());
     }
     assert!(state["sharpness"]["slope"].is_f64());
-    assert_eq!(state["colour_classes"][0]["class"], "red");
+    let class = &state["colour_classes"][0];
+    assert_eq!(class["class"], "red");
+    for (color, number) in ["target", "printable", "shown"]
+        .iter()
+        .flat_map(|c| ["lightness", "chroma", "hue_deg"].map(|n| (c, n)))
+    {
+        assert!(class[color][number].is_f64(), "{color} {number}");
+    }
+    for share in ["out_of_gamut", "too_thin", "cross_talk"] {
+        assert!(state["shares"][share].is_f64(), "{share}");
+    }
     assert_eq!(state["points"], 2000);
     let back: Evaluation = serde_json::from_value(json).unwrap();
     assert_eq!(back, evaluation);

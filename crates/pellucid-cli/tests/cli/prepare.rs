@@ -46,7 +46,10 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
     let done = run(&quick(text(&model), text(&out), &["--seed", "7"]));
     assert!(done.status.success(), "{}", stderr(&done));
     assert!(stdout(&done).contains("colour error"), "{}", stdout(&done));
-    for file in ["slices/slice_00000.png", "manifest.json", "report.json", "proof.png", "proof.exr"] {
+    assert!(stdout(&done).contains("% out of gamut"), "{}", stdout(&done));
+    for file in
+        ["slices/slice_00000.png", "manifest.json", "report.json", "proof.png", "proof.exr", "error.png"]
+    {
         assert!(out.join(file).metadata().unwrap().len() > 0, "{file}");
     }
     assert!(!folder.path().join("a/b/print.job").exists());
@@ -61,7 +64,15 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
             assert!(report["evaluation"][state][level]["raw"]["mean"].is_number());
         }
         assert!(report["evaluation"][state]["sharpness"]["slope"].is_number());
-        assert!(!report["evaluation"][state]["colour_classes"].is_null());
+        let classes = report["evaluation"][state]["colour_classes"].as_array().unwrap();
+        for class in classes {
+            for color in ["target", "printable", "shown"] {
+                assert!(class[color]["chroma"].as_f64().is_some_and(|c| c > 0.0), "{color} {class}");
+            }
+        }
+        let share = |name: &str| report["evaluation"][state]["shares"][name].as_f64().unwrap();
+        let sum = share("out_of_gamut") + share("too_thin") + share("cross_talk");
+        assert!((sum - 1.0).abs() < 1e-9 && share("too_thin") > 0.0 && !classes.is_empty(), "{state} {sum}");
     }
     // Nothing in the record tells where it was made.
     for file in ["manifest.json", "report.json"] {

@@ -3,7 +3,7 @@
 use pellucid_core::ErrorStats;
 use serde::{Deserialize, Serialize};
 
-use super::ColorClass;
+use super::{ColorClass, ErrorShares, MeanColor};
 
 /// CIEDE2000 errors of what is shown; the first four in JSON are those to the printable target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub struct Errors {
     pub noise: f64,
 }
 
-/// Errors of the surface voxels whose target is of one class of colours.
+/// Errors and mean colours of the surface voxels whose target is of one class of colours.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ClassErrors {
@@ -33,6 +33,16 @@ pub struct ClassErrors {
     pub p95: f64,
     /// Mean CIEDE2000 to the target as given at 0.1 mm.
     pub raw: f64,
+    /// Mean colour of the target as given, at 0.2 mm.
+    #[serde(default)]
+    pub target: MeanColor,
+    /// Mean colour of the printable target, at 0.2 mm.
+    #[serde(default)]
+    pub printable: MeanColor,
+    /// Mean colour of what is shown, at 0.2 mm. What noise adds to chroma is taken out: its energy across the hue, as
+    /// from errors. Of neutrals some of it stays.
+    #[serde(default)]
+    pub shown: MeanColor,
 }
 
 /// How much of the target's local contrast is shown: L\* at 0.1 mm less its mean over about 1 mm of surface, where the
@@ -71,6 +81,9 @@ pub struct StateErrors {
     /// Errors at 0.1 mm by the target's colour; classes without voxels are left out.
     #[serde(rename = "colour_classes")]
     pub color_classes: Vec<ClassErrors>,
+    /// Where the error at 0.1 mm to the target as given sits.
+    #[serde(default)]
+    pub shares: ErrorShares,
     /// Surface voxels in `voxel`.
     pub points: u64,
     /// Predictions of each of them.

@@ -1,29 +1,42 @@
 //! Judging any labels against any target by fresh predictions.
 
 mod classes;
+mod effort;
 mod errors;
+mod judged;
+mod mean_color;
+mod noise;
+mod passes;
+mod shares;
 
 use pellucid_color::Viewing;
 use pellucid_core::random::{Domain, hash};
-use pellucid_core::{Control, ErrorStats, NoisyScore};
-use pellucid_predict::{BoundPredictor, Capabilities, Changed, Draw, Object, Pass};
+use pellucid_core::{Control, ErrorStats};
+use pellucid_predict::{BoundPredictor, Capabilities, Changed, Object};
 use pellucid_voxel::{LabelGrid, Surface, near_order};
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::difference::{differences, lab_of};
 use crate::low_pass::{LOCAL_MM, LowPass};
-use crate::problem::check_colors;
-use crate::settings::check_ranges;
+use crate::problem::{check_colors, check_list};
 use crate::{Problem, RefineError, SurfaceSmoother};
 
+use noise::{Energy, mean_noise, mean_of, noise_of, without_noise};
+use passes::{Halves, Meter};
+use shares::divided;
+
 pub use classes::ColorClass;
+pub use effort::Effort;
 pub use errors::{ClassErrors, Errors, Evaluation, Sharpness, StateErrors};
+pub use judged::Judged;
+pub use mean_color::MeanColor;
+pub use shares::ErrorShares;
 
 /// Standard deviations in mm of the Gaussians after which errors are taken.
 const RADII_MM: [f64; 3] = [0.045, 0.1, 0.2];
 /// Position in [`RADII_MM`] of the one at which classes and sharpness are taken.
 const VIEWED: usize = 1;
+/// Position of the one at which classes' mean colours are taken.
+const WIDE: usize = 2;
 const POINTS: Domain = Domain::new("judge points");
 
 /// What the judge looks at.
@@ -46,40 +59,6 @@ impl<'a> From<Problem<'a>> for JudgeInput<'a> {
     }
 }
 
-/// How much is predicted. Every pass is one prediction with random numbers of its own; how many paths that is, the
-/// predictor knows. A predictor without random error is asked once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Effort {
-    /// Surface voxels drawn for per-voxel errors, spread over the surface, 1 to 2^30; all when there are no more.
-    pub points: u32,
-    /// Passes over those, even, 2 to 16384.
-    pub point_passes: u32,
-    /// Passes over every surface voxel, even, 2 to 16384.
-    pub surface_passes: u32,
-}
-
-impl Default for Effort {
-    fn default() -> Self {
-        Self { points: 1_000, point_passes: 2, surface_passes: 2 }
-    }
-}
-
-impl Effort {
-    /// Checks the documented ranges.
-    ///
-    /// # Errors
-    /// [`RefineError::Invalid`] naming the first field out of range.
-    pub fn check(&self) -> Result<(), RefineError> {
-        let passes = |n: u32| (2..=1 << 14).contains(&n) && n.is_multiple_of(2);
-        check_ranges(&[
-            ("points", (1..=1 << 30).contains(&self.points), "1 to 2^30"),
-            ("point_passes", passes(self.point_passes), "even, 2 to 16384"),
-            ("surface_passes", passes(self.surface_passes), "even, 2 to 16384"),
-        ])
-    }
-}
-
 /// Says how well labels show a target. What depends on object and target alone is made once, for any number of labels.
 pub struct Judge<'a> {
     input: JudgeInput<'a>,
@@ -96,58 +75,8 @@ pub struct Judge<'a> {
     targets: Vec<[Vec<[f32; 3]>; 2]>,
     /// Local contrast of both.
     contrasts: [Vec<f32>; 2],
-}
-
-/// What the judge found.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct Judged {
-    /// The errors.
-    pub errors: StateErrors,
-    /// The surface voxels drawn for per-voxel errors, ascending.
-    pub points: Vec<u32>,
-    /// Absolute radiance of those by either half of the passes, `[point][channel]`; alike without random error.
-    pub halves: [Vec<f32>; 2],
-    /// What every surface voxel shows by either half of the passes over all, linear RGB relative to the print's white;
-    /// alike without random error.
-    pub shown: [Vec<[f32; 3]>; 2],
-}
-
-impl Judged {
-    /// What every surface voxel shows: the mean of the passes over all.
-    pub fn appearance(&self) -> Vec<[f32; 3]> {
-        mean_of(&self.shown)
-    }
-
-    /// How far a prediction of [`Judged::points`], `[point][channel]`, is off what the judge saw, whose noise is taken
-    /// out.
-    ///
-    /// # Errors
-    /// [`RefineError::Invalid`] when there are not as many values.
-    pub fn prediction_error(&self, radiance: &[f32]) -> Result<NoisyScore, RefineError> {
-        let [first, second] = &self.halves;
-        if radiance.len() != first.len() {
-            return Err(RefineError::invalid(
-                "radiance",
-                format!("{} values; the judge has {}", radiance.len(), first.len()),
-            ));
-        }
-        let mut score = NoisyScore::default();
-        for ((&predicted, &a), &b) in radiance.iter().zip(first).zip(second) {
-            score.add(f64::from(predicted), [f64::from(a), f64::from(b)]);
-        }
-        Ok(score)
-    }
-}
-
-/// Relative RGB of every surface voxel by halves of the passes, or by one pass without random error.
-type Halves = Vec<Vec<[f32; 3]>>;
-
-/// Counts passes for progress.
-struct Meter<'c> {
-    control: Control<'c>,
-    done: u64,
-    total: u64,
+    /// CIEDE2000 at [`VIEWED`] from the target to what gamut leaves of it, and on to what thickness leaves.
+    steps: Vec<[f32; 2]>,
 }
 
 impl<'a> Judge<'a> {
@@ -181,6 +110,7 @@ impl<'a> Judge<'a> {
             classes,
             targets: Vec::with_capacity(RADII_MM.len()),
             contrasts: Default::default(),
+            steps: Vec::new(),
         };
         let mut fields = [printable_target.to_vec(), target.to_vec()];
         for radius in 0..RADII_MM.len() {
@@ -190,8 +120,54 @@ impl<'a> Judge<'a> {
             judge.targets.push(fields.each_ref().map(|field| lab_of(field)));
         }
         let contrast = |lab: &Vec<[f32; 3]>| contrast(&judge.low_pass, lab, control);
-        judge.contrasts = [contrast(&judge.targets[VIEWED][0])?, contrast(&judge.targets[VIEWED][1])?];
+        let [printable, target] = &judge.targets[VIEWED];
+        judge.contrasts = [contrast(printable)?, contrast(target)?];
+        judge.steps = differences(target, printable).into_iter().map(|step| [step, 0.0]).collect();
         Ok(judge)
+    }
+
+    /// Tells apart in [`ErrorShares`] what the gamut and what thickness takes of the target: `colors` are the targets
+    /// brought within reach of the gamut alone, as if all material were thick, linear RGB relative to the print's white.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when there is not one finite colour a surface voxel; [`RefineError::Cancelled`].
+    pub fn with_gamut_target(
+        mut self,
+        colors: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Self, RefineError> {
+        check_list(self.input.object, "gamut target", colors)?;
+        let colors = self.viewed(colors, control)?;
+        let [printable, target] = &self.targets[VIEWED];
+        let (gamut, thickness) = (differences(target, &colors), differences(&colors, printable));
+        self.steps = gamut.into_iter().zip(thickness).map(|(gamut, thickness)| [gamut, thickness]).collect();
+        Ok(self)
+    }
+
+    /// Where an appearance is off the target as given at 0.1 mm: CIEDE2000 of every surface voxel in three parts, out of
+    /// gamut, too thin, cross-talk, as in [`ErrorShares`]; their sum is the error. `shown` is linear RGB relative to the
+    /// print's white; noise in it counts as error.
+    ///
+    /// # Errors
+    /// [`RefineError::Invalid`] when there is not one finite colour a surface voxel; [`RefineError::Cancelled`].
+    pub fn error_parts(
+        &self,
+        shown: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Vec<[f32; 3]>, RefineError> {
+        check_list(self.input.object, "appearance", shown)?;
+        let shown = self.viewed(shown, control)?;
+        let [printable, target] = &self.targets[VIEWED];
+        Ok(divided(&differences(&shown, target), &self.steps, &differences(&shown, printable)))
+    }
+
+    /// Lab of colours smoothed to [`VIEWED`].
+    fn viewed(&self, colors: &[[f32; 3]], control: &Control<'_>) -> Result<Vec<[f32; 3]>, RefineError> {
+        let mut colors = colors.to_vec();
+        for radius in 0..=VIEWED {
+            colors = self.widen(colors, radius, &control.silent())?;
+        }
+        Ok(lab_of(&colors))
     }
 
     /// Smooths further, from the radius before to `radius`.
@@ -285,79 +261,6 @@ impl<'a> Judge<'a> {
         Ok(Judged { errors, points: self.points.clone(), halves, shown })
     }
 
-    /// One pass; counts its paths.
-    fn pass(
-        &self,
-        points: &[u32],
-        pass: u32,
-        out: &mut [f32],
-        bound: &dyn BoundPredictor,
-        meter: &mut Meter<'_>,
-    ) -> Result<u64, RefineError> {
-        let Meter { control, done, total } = *meter;
-        let share = points.len() as f64;
-        let progress = |part: u64, of: u64| {
-            control.report(done + (share * part as f64 / of.max(1) as f64) as u64, total);
-        };
-        let inner = control.silent().with_progress(&progress);
-        let draw = Draw::new(self.seed, Pass::Judge(pass));
-        let diagnostics = bound.predict(points, draw, out, &inner).map_err(RefineError::judge)?;
-        if out.par_iter().any(|v| !v.is_finite()) {
-            return Err(RefineError::invalid("prediction", "a radiance is not finite"));
-        }
-        meter.done += points.len() as u64;
-        Ok(diagnostics.paths)
-    }
-
-    fn surface_halves(
-        &self,
-        all: &[u32],
-        passes: u32,
-        bound: &dyn BoundPredictor,
-        meter: &mut Meter<'_>,
-        paths: &mut u64,
-    ) -> Result<Halves, RefineError> {
-        let viewing = self.input.viewing;
-        let halves = passes.min(2);
-        let scale = f64::from(halves) / f64::from(passes);
-        let mut sums = vec![vec![[0.0f64; 3]; all.len()]; halves as usize];
-        let mut radiance = vec![0.0; all.len() * viewing.channels()];
-        for pass in 0..passes {
-            *paths += self.pass(all, pass, &mut radiance, bound, meter)?;
-            let values = radiance.par_chunks_exact(viewing.channels());
-            sums[(pass % halves) as usize].par_iter_mut().zip(values).for_each(|(sum, l)| {
-                let rgb = viewing.relative_rgb(l);
-                (0..3).for_each(|c| sum[c] += f64::from(rgb[c]));
-            });
-        }
-        Ok(sums
-            .into_iter()
-            .map(|half| half.into_iter().map(|sum| sum.map(|v| (v * scale) as f32)).collect())
-            .collect())
-    }
-
-    fn point_halves(
-        &self,
-        passes: std::ops::Range<u32>,
-        bound: &dyn BoundPredictor,
-        meter: &mut Meter<'_>,
-        paths: &mut u64,
-    ) -> Result<[Vec<f32>; 2], RefineError> {
-        let values = self.points.len() * self.input.viewing.channels();
-        let count = passes.len();
-        let mut sums = [vec![0.0f64; values], vec![0.0f64; values]];
-        let mut radiance = vec![0.0; values];
-        for (i, pass) in passes.enumerate() {
-            *paths += self.pass(&self.points, pass, &mut radiance, bound, meter)?;
-            sums[i % 2].iter_mut().zip(&radiance).for_each(|(sum, &v)| *sum += f64::from(v));
-        }
-        if count == 1 {
-            return Ok([radiance.clone(), radiance]);
-        }
-        let scale = 2.0 / count as f64;
-        Ok(sums.map(|half| half.into_iter().map(|sum| (sum * scale) as f32).collect()))
-    }
-
     fn voxel_errors(&self, halves: &[Vec<f32>; 2]) -> Errors {
         let JudgeInput { viewing, target, printable_target, .. } = self.input;
         let rgb = |values: &[f32]| -> Vec<[f32; 3]> {
@@ -371,7 +274,7 @@ impl<'a> Judge<'a> {
         Errors {
             printable: against(printable_target),
             raw: against(target),
-            noise: mean_noise(&noise_of(&halves)),
+            noise: mean_noise(&noise_of(&halves, &mean)),
         }
     }
 
@@ -381,19 +284,26 @@ impl<'a> Judge<'a> {
         errors: &mut StateErrors,
         control: &Control<'_>,
     ) -> Result<(), RefineError> {
-        let mut energy = vec![[0.0f32; 3]; if halves.len() > 1 { self.classes.len() } else { 0 }];
+        let mut energy = vec![Energy::default(); if halves.len() > 1 { self.classes.len() } else { 0 }];
         let mut found = Vec::with_capacity(RADII_MM.len());
+        let mut wide = Vec::new();
         for i in 0..RADII_MM.len() {
             for half in &mut halves {
                 *half = self.widen(std::mem::take(half), i, control)?;
             }
             let mean = lab_of(&mean_of(&halves));
-            let noise = noise_of(&halves);
-            energy.iter_mut().zip(&noise).for_each(|(energy, noise)| energy[i] = noise * noise);
+            let noise = noise_of(&halves, &mean);
+            for (energy, &[noise, across]) in energy.iter_mut().zip(&noise) {
+                energy[i] = noise * noise;
+                energy[RADII_MM.len()] = across;
+            }
             let [printable, target] = &self.targets[i];
             found.push((differences(&mean, printable), differences(&mean, target), mean_noise(&noise)));
             if i == VIEWED {
                 errors.sharpness = self.sharpness(&mean, control)?;
+            }
+            if i == WIDE {
+                wide = mean;
             }
         }
         if halves.len() > 1 {
@@ -402,7 +312,8 @@ impl<'a> Judge<'a> {
         for (i, (printable, raw, noise)) in found.into_iter().enumerate() {
             let [printable, raw] = [printable, raw].map(|differences| without_noise(differences, &energy, i));
             if i == VIEWED {
-                errors.color_classes = self.class_errors(&printable, &raw);
+                errors.color_classes = self.class_errors(&printable, &raw, &wide, &energy);
+                errors.shares = ErrorShares::of(&divided(&raw, &self.steps, &printable));
             }
             let state = Errors { printable: ErrorStats::of(printable), raw: ErrorStats::of(raw), noise };
             *[&mut errors.at_0_045_mm, &mut errors.at_0_1_mm, &mut errors.at_0_2_mm][i] = state;
@@ -416,15 +327,31 @@ impl<'a> Judge<'a> {
         Ok(Sharpness { slope, raw, edges })
     }
 
-    fn class_errors(&self, printable: &[f32], raw: &[f32]) -> Vec<ClassErrors> {
+    /// Errors at [`VIEWED`], and colours shown at [`WIDE`] with the noise's energy.
+    fn class_errors(
+        &self,
+        printable: &[f32],
+        raw: &[f32],
+        wide: &[[f32; 3]],
+        energy: &[Energy],
+    ) -> Vec<ClassErrors> {
         let of = |class: ColorClass| {
-            let values = |all: &[f32]| -> Vec<f32> {
-                self.classes.iter().zip(all).filter(|(c, _)| **c == class).map(|(_, v)| *v).collect()
-            };
-            let stats = ErrorStats::of(values(printable));
-            let share = stats.count as f64 / self.classes.len().max(1) as f64;
-            let raw = ErrorStats::of(values(raw)).mean;
-            (stats.count > 0).then_some(ClassErrors { class, share, mean: stats.mean, p95: stats.p95, raw })
+            let members: Vec<usize> = (0..self.classes.len()).filter(|&i| self.classes[i] == class).collect();
+            let stats = |all: &[f32]| ErrorStats::of(members.iter().map(|&i| all[i]).collect());
+            let planned = |lab: &[[f32; 3]]| MeanColor::of(members.iter().map(|&i| (lab[i], 0.0)));
+            let noise = |i: usize| energy.get(i).map_or(0.0, |energy| energy[RADII_MM.len()]);
+            let [printable_target, target] = &self.targets[WIDE];
+            let errors = stats(printable);
+            (!members.is_empty()).then(|| ClassErrors {
+                class,
+                share: members.len() as f64 / self.classes.len() as f64,
+                mean: errors.mean,
+                p95: errors.p95,
+                raw: stats(raw).mean,
+                target: planned(target),
+                printable: planned(printable_target),
+                shown: MeanColor::of(members.iter().map(|&i| (wide[i], noise(i)))),
+            })
         };
         ColorClass::ALL.into_iter().filter_map(of).collect()
     }
@@ -449,35 +376,6 @@ fn draw_points(seed: u64, surface: &Surface, wanted: usize) -> Vec<u32> {
         .collect();
     points.sort_unstable();
     points
-}
-
-fn mean_of(halves: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
-    match halves {
-        [a, b] => a.par_iter().zip(b).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect(),
-        halves => halves.first().cloned().unwrap_or_default(),
-    }
-}
-
-/// CIEDE2000 that is noise in the mean of two halves, by voxel: they differ by twice the error of their mean. Empty of
-/// one pass.
-fn noise_of(halves: &[Vec<[f32; 3]>]) -> Vec<f32> {
-    match halves {
-        [a, b] => differences(&lab_of(a), &lab_of(b)).into_iter().map(|d| 0.5 * d).collect(),
-        _ => Vec::new(),
-    }
-}
-
-fn mean_noise(noise: &[f32]) -> f64 {
-    noise.iter().map(|&v| f64::from(v)).sum::<f64>() / noise.len().max(1) as f64
-}
-
-/// Takes the energy of the noise at a radius out of differences.
-fn without_noise(mut differences: Vec<f32>, energy: &[[f32; 3]], radius: usize) -> Vec<f32> {
-    differences
-        .iter_mut()
-        .zip(energy)
-        .for_each(|(d, energy)| *d = (*d * *d - energy[radius]).max(0.0).sqrt());
-    differences
 }
 
 /// L* less its mean over about a millimetre.

@@ -42,6 +42,8 @@ pub struct Aimed {
     pub viewing: Viewing,
     /// What each surface voxel should show.
     pub target: Vec<[f32; 3]>,
+    /// The target brought within reach of the gamut alone, as if all material were thick.
+    pub gamut_target: Vec<[f32; 3]>,
     /// The target brought within reach of gamut and thickness.
     pub printable_target: Vec<[f32; 3]>,
     /// Where material is thin.
@@ -91,11 +93,13 @@ impl PrintJob {
             .map(|rgb| rendering.target(rgb.map(f64::from), white, gamut.black()).map(|v| v as f32))
             .collect();
         control.check()?;
+        // Of thin parts by the same table, whose own error is not the thickness's.
         let within_reach = |(&rgb, &mm): (&[f32; 3], &f32)| match mm < THICK_MM as f32 {
-            true => by_thickness.map(rgb, f64::from(mm)).rgb,
-            false => gamut.map(rgb).rgb,
+            true => [f64::INFINITY, f64::from(mm)].map(|mm| by_thickness.map(rgb, mm).rgb),
+            false => [gamut.map(rgb).rgb; 2],
         };
-        let printable_target = target.par_iter().zip(&placed.thickness_mm).map(within_reach).collect();
+        let reached = target.par_iter().zip(&placed.thickness_mm).map(within_reach);
+        let (gamut_target, printable_target) = reached.map(|[thick, own]| (thick, own)).unzip();
         control.check()?;
         let object = Object::new(placed.surface, s.materials.clone(), s.refractive_index)?;
         Ok(Aimed {
@@ -106,6 +110,7 @@ impl PrintJob {
             ink: Arc::new(GamutInk::new(gamut, &s.materials)),
             viewing,
             target,
+            gamut_target,
             printable_target,
             thin: Thinness::of(&placed.thickness_mm),
             extent_mm: placed.extent_mm,

@@ -22,7 +22,8 @@ pub struct Judged {
     /// How far the network alone is off on the labels to print; absent with the path tracer, whose only error is
     /// noise.
     pub prediction: Option<PredictionError>,
-    /// Target, unrefined and refined appearance from both sides, media-relative linear RGB.
+    /// Target, unrefined and refined appearance from both sides, media-relative linear RGB; and the refined error at
+    /// 0.1 mm to the target as given in its parts, out of gamut, too thin and cross-talk.
     pub proof: Proof,
 }
 
@@ -34,6 +35,9 @@ struct Verdict {
     /// Of every surface voxel, before and after.
     #[serde(skip)]
     appearance: [Vec<[f32; 3]>; 2],
+    /// Of every surface voxel after refinement: the error in parts.
+    #[serde(skip)]
+    parts: Vec<[f32; 3]>,
 }
 
 impl PrintJob {
@@ -62,7 +66,8 @@ impl PrintJob {
         let states = [("target", &aimed.target[..]), ("unrefined", before), ("refined", after)];
         let (surface, edge) = (aimed.object.surface(), self.settings.proof_edge);
         let proof = monitor.run(Stage::Proof, |c| {
-            Proof::draw(&refined.labels, surface, &View::front_and_back(), edge, &states, c)
+            let views = View::front_and_back();
+            Proof::draw_with_errors(&refined.labels, surface, &views, edge, &states, &verdict.parts, c)
         })?;
         Ok(Judged { evaluation: verdict.evaluation, prediction: verdict.prediction, proof })
     }
@@ -74,7 +79,8 @@ impl PrintJob {
         control: &Control<'_>,
     ) -> Result<Verdict, PrintError> {
         let s = &self.settings;
-        let judge = Judge::new(JudgeInput::from(aimed.problem()), s.judge, s.seed, control)?;
+        let judge = Judge::new(JudgeInput::from(aimed.problem()), s.judge, s.seed, control)?
+            .with_gamut_target(&aimed.gamut_target, control)?;
         let tracer = predictors::monte_carlo(s, s.judge_spp)?;
         let capabilities = tracer.supports(&aimed.object)?;
         let mut bound = tracer.bind(aimed.object.clone())?;
@@ -98,7 +104,8 @@ impl PrintJob {
         };
         let appearance = [pictured(&refined.unrefined, &before)?, pictured(&refined.labels, &after)?];
         let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
-        Ok(Verdict { evaluation, prediction, appearance })
+        let parts = judge.error_parts(&appearance[1], &silent)?;
+        Ok(Verdict { evaluation, prediction, appearance, parts })
     }
 
     /// Radiance of some points by the network without its correction, where the job's predictor has one.
@@ -135,29 +142,30 @@ impl PrintJob {
 }
 
 impl Verdict {
-    /// The length of the errors as JSON, them, and both appearances as little-endian numbers.
+    /// The length of the errors as JSON, them, and both appearances and the parts as little-endian numbers.
     fn to_bytes(&self) -> Vec<u8> {
         let errors = serde_json::to_vec(self).unwrap_or_default();
         let mut bytes = (errors.len() as u64).to_le_bytes().to_vec();
         bytes.extend(errors);
-        bytes.extend(self.appearance.iter().flatten().flatten().flat_map(|v| v.to_le_bytes()));
+        let fields = self.appearance.iter().chain([&self.parts]);
+        bytes.extend(fields.flatten().flatten().flat_map(|v| v.to_le_bytes()));
         bytes
     }
 
     /// `None` when the bytes are not those of a verdict over `points` surface voxels: the judge then judges again.
     fn from_bytes(bytes: &[u8], points: usize) -> Option<Self> {
         let (length, rest) = bytes.split_first_chunk::<8>()?;
-        let (errors, appearance) =
-            rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+        let (errors, fields) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
         let mut verdict: Self = serde_json::from_slice(errors).ok()?;
-        let (values, []) = appearance.as_chunks::<4>() else { return None };
+        let (values, []) = fields.as_chunks::<4>() else { return None };
         let (colors, []) = values.as_chunks::<3>() else { return None };
-        if colors.len() != 2 * points {
+        if colors.len() != 3 * points {
             return None;
         }
-        let (before, after) = colors.split_at(points);
-        verdict.appearance =
-            [before, after].map(|c| c.iter().map(|rgb| rgb.map(f32::from_le_bytes)).collect());
+        let field =
+            |i: usize| colors[i * points..][..points].iter().map(|v| v.map(f32::from_le_bytes)).collect();
+        verdict.appearance = [field(0), field(1)];
+        verdict.parts = field(2);
         Some(verdict)
     }
 }

@@ -13,7 +13,7 @@ use crate::{Choice, Monitor, PrintError, Record, Report};
 
 /// What a prepared print consists of; only a folder of these is ever replaced.
 pub fn own_files() -> OwnFiles {
-    pellucid_slice::own_files().and(["report.json", "proof.png", "proof.exr"])
+    pellucid_slice::own_files().and(["report.json", "proof.png", "proof.exr", "error.png"])
 }
 
 /// A prepared print in memory.
@@ -54,8 +54,8 @@ impl Prepared {
         }
     }
 
-    /// Writes `slices/`, `manifest.json`, `report.json`, `proof.png` and `proof.exr` into the folder `dir`, which
-    /// appears complete or not at all, and returns the report.
+    /// Writes `slices/`, `manifest.json`, `report.json`, `proof.png`, `proof.exr` and `error.png` into the folder `dir`,
+    /// which appears complete or not at all, and returns the report.
     ///
     /// # Errors
     /// [`PrintError::Staging`] when `dir` exists and `force` does not allow its replacement or it holds other files,
@@ -74,7 +74,8 @@ impl Prepared {
         })?;
         monitor.run(Stage::Proof, |c| {
             self.judged.proof.write_png(staged.path().join("proof.png"), c)?;
-            self.judged.proof.write_exr(staged.path().join("proof.exr"), c)
+            self.judged.proof.write_exr(staged.path().join("proof.exr"), c)?;
+            self.judged.proof.write_error_png(staged.path().join("error.png"), c)
         })?;
         let report = self.report(monitor);
         let path = staged.path().join("report.json");
