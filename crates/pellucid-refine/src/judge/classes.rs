@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A class of target colours by CIELAB (D65) of the target as given, relative to the print's white: chroma below 10 is
-/// neutral, the rest goes by hue angle. The sectors hold the primaries of sRGB and of process printing (ISO 12647-2).
+/// neutral, below 25 pale, the rest goes by hue angle. The sectors hold the primaries of sRGB and of process printing (ISO 12647-2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorClass {
@@ -19,6 +19,10 @@ pub enum ColorClass {
     Blue,
     /// 318° to 15°.
     Magenta,
+    /// Chroma 10 to 25 and hue 318° to 115°: cream, pink, light skin, greyish brown.
+    PaleWarm,
+    /// Chroma 10 to 25 and hue 115° to 318°.
+    PaleCool,
     /// Chroma below 10 and L\* at least 70.
     NeutralLight,
     /// Chroma below 10 and L\* 30 to 70.
@@ -30,15 +34,20 @@ pub enum ColorClass {
 /// Chroma from which a colour has a hue.
 const LEAST_CHROMA: f32 = 10.0;
 
+/// Chroma from which it is no longer pale.
+const VIVID_CHROMA: f32 = 25.0;
+
 impl ColorClass {
     /// Every class.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Red,
         Self::Yellow,
         Self::Green,
         Self::Cyan,
         Self::Blue,
         Self::Magenta,
+        Self::PaleWarm,
+        Self::PaleCool,
         Self::NeutralLight,
         Self::NeutralMid,
         Self::NeutralDark,
@@ -53,7 +62,8 @@ impl ColorClass {
     /// ```
     pub fn of(lab: [f32; 3]) -> Self {
         let [l, a, b] = lab;
-        if a.hypot(b) < LEAST_CHROMA {
+        let chroma = a.hypot(b);
+        if chroma < LEAST_CHROMA {
             return match l {
                 l if l >= 70.0 => Self::NeutralLight,
                 l if l >= 30.0 => Self::NeutralMid,
@@ -61,6 +71,10 @@ impl ColorClass {
             };
         }
         match b.atan2(a).to_degrees().rem_euclid(360.0) {
+            h if chroma < VIVID_CHROMA => match h {
+                h if (115.0..318.0).contains(&h) => Self::PaleCool,
+                _ => Self::PaleWarm,
+            },
             h if h < 15.0 => Self::Magenta,
             h if h < 65.0 => Self::Red,
             h if h < 115.0 => Self::Yellow,
@@ -88,6 +102,8 @@ mod tests {
         assert_eq!(corners.map(of), [Red, Yellow, Green, Cyan, Blue]);
         assert_eq!(of([1.0, 0.0, 1.0]), Magenta);
         assert_eq!([0.9, 0.2, 0.01].map(|v| of([v; 3])), [NeutralLight, NeutralMid, NeutralDark]);
+        let pale = [[90.0, 2.0, 14.0], [80.0, 15.0, -3.0], [80.0, -12.0, 3.0], [75.0, 2.0, -20.0]];
+        assert_eq!(pale.map(ColorClass::of), [PaleWarm, PaleWarm, PaleCool, PaleCool]);
         // Solids of ISO 12647-2 on coated paper: C, M, Y, R, G, B.
         let process = [
             [55.0, -37.0, -50.0],
