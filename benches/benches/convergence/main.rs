@@ -88,8 +88,10 @@ fn refined(subject: &Subject, strategy: StrategyKind, state: &Path) -> Result<Ru
         let scale = subject.scale()?;
         let job = PrintJob::new(PrintSettings { scale, strategy, ..PrintSettings::default() })?;
         let workspace = Workspace::resume(&out);
-        let prepared = job.prepare(&subject.model()?, &workspace, &Monitor::silent())?;
-        let report = prepared.write(&out, false, &Monitor::silent())?;
+        // One for all stages: it keeps their times.
+        let monitor = Monitor::silent();
+        let prepared = job.prepare(&subject.model()?, &workspace, &monitor)?;
+        let report = prepared.write(&out, false, &monitor)?;
         workspace.finish()?;
         report
     };

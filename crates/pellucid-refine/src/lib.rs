@@ -76,7 +76,7 @@ mod smoothing;
 mod strategy;
 mod surface_first;
 
-pub use descent::{Descent, DescentState, DescentTools};
+pub use descent::{Descent, DescentState, DescentTools, StepRule};
 pub use error::RefineError;
 pub use gamut_ink::GamutInk;
 pub use ink::InkModel;

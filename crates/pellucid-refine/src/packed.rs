@@ -47,7 +47,7 @@ fn values<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<
     Ok(values.to_vec())
 }
 
-macro_rules! whole_numbers {
+macro_rules! numbers {
     ($name:ident, $type:ty, $bytes:literal, $what:literal) => {
         #[doc = concat!("The same of ", $what, ".")]
         pub(crate) mod $name {
@@ -71,9 +71,10 @@ macro_rules! whole_numbers {
     };
 }
 
-whole_numbers!(bytes, u8, 1, "bytes");
-whole_numbers!(words, u16, 2, "shares");
-whole_numbers!(moves, i16, 2, "moves");
+numbers!(bytes, u8, 1, "bytes");
+numbers!(words, u16, 2, "shares");
+numbers!(moves, i16, 2, "moves");
+numbers!(floats, f32, 4, "derivatives");
 
 /// The same of what a predictor learned, whose values are f64.
 pub(crate) mod learned {

@@ -3,6 +3,7 @@
 mod cells;
 mod loss;
 mod patches;
+mod rule;
 mod state;
 mod step;
 
@@ -17,6 +18,7 @@ use crate::{Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, Su
 use cells::CellGradient;
 use loss::{Found, Scale, Weights};
 use patches::Patches;
+pub use rule::StepRule;
 pub use state::DescentState;
 use state::{CellMixtures, Cells};
 
@@ -45,6 +47,8 @@ pub struct Descent {
     pub opening: SurfaceFirst,
     /// Its steps, 0 to 100.
     pub opening_steps: u32,
+    /// How far steps go.
+    pub rule: StepRule,
     /// Share of the last step that the next one keeps, 0 to below 1.
     pub momentum: f32,
     /// How far differences of saturated colours are forgiven: 0 not at all, 1 as much as CIEDE2000 does.
@@ -59,6 +63,7 @@ impl Default for Descent {
         Self {
             opening: SurfaceFirst::default(),
             opening_steps: 5,
+            rule: StepRule::Bound,
             momentum: 0.9,
             forgiveness: 0.5,
             contrast: 2.0,
@@ -87,6 +92,7 @@ impl Strategy for Descent {
     fn settings(&self) -> Vec<(&'static str, f64)> {
         let mut all = self.opening.settings();
         all.push(("opening_steps", self.opening_steps.into()));
+        all.push(("rule", f64::from(self.rule as u8)));
         all.push(("momentum", self.momentum.into()));
         all.push(("forgiveness", self.forgiveness.into()));
         all.push(("contrast", self.contrast.into()));
@@ -188,7 +194,7 @@ impl Descent {
         state.losses.push(total);
 
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
-        if state.steps == 0 {
+        if state.steps == 0 && self.rule != StepRule::Adam {
             let by_inks = pull(setup, seen, draw, &found.curvature, control)?;
             let expected = found.curvature.iter().zip(&reach).map(|(w, s)| dot(w, s)).sum();
             state.take_curvature(setup, &by_inks, expected);

@@ -14,6 +14,9 @@ pub(super) const WHOLE: f32 = 65535.0;
 pub(super) const MOVE: f32 = 32767.0;
 /// Curvatures are kept as logarithms, so many levels to a factor of two.
 const LEVELS: f32 = 8.0;
+/// Lengths that [`DescentState::barzilai_borwein`] may give.
+const SHORTEST: f32 = 0.05;
+const LONGEST: f32 = 10.0;
 
 /// State of [`Descent`](super::Descent).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,12 +31,15 @@ pub struct DescentState {
     /// Their last moves.
     #[serde(with = "crate::packed::moves")]
     pub(super) moves: Vec<i16>,
-    /// Bounds of the loss's curvature, as logarithms below `most_curvature`.
+    /// Bounds of the loss's curvature, or root mean squares of the derivatives, as logarithms below `most_curvature`.
     #[serde(with = "crate::packed::bytes")]
     pub(super) curvatures: Vec<u8>,
     /// The greatest bound.
     pub(super) most_curvature: f32,
     pub(super) patches: Vec<Patch>,
+    /// The last derivatives, where the rule needs them.
+    #[serde(with = "crate::packed::floats")]
+    pub(super) last_gradient: Vec<f32>,
     /// The loss of each iterate of descent.
     pub(super) losses: Vec<f64>,
 }
@@ -78,6 +84,11 @@ impl DescentState {
         if self.steps > 0 && self.curvatures.len() != values {
             return invalid("lacks curvatures");
         }
+        if ![0, values].contains(&self.last_gradient.len())
+            || !self.last_gradient.iter().all(|d| d.is_finite())
+        {
+            return invalid("has not the derivatives of this object");
+        }
         let whole = |shares: &[u16]| shares.iter().map(|&s| u32::from(s)).sum::<u32>() <= WHOLE as u32;
         if !self.inks.chunks_exact(cells.inks).all(whole) {
             return invalid("has a mixture of more than its whole");
@@ -102,11 +113,38 @@ impl DescentState {
                 // Where next to no light goes, steps would follow noise.
                 let least = 0.1 * row.iter().fold(0.0f32, |most, d| most.max(d.abs()));
                 for (kept, d) in kept.iter_mut().zip(row) {
-                    let below = (most / d.abs().max(least).max(f32::MIN_POSITIVE)).log2();
-                    *kept = (LEVELS * below).round().clamp(0.0, 255.0) as u8;
+                    *kept = Self::level(most, d.abs().max(least));
                 }
             },
         );
+    }
+
+    /// How a value up to `most` is kept.
+    pub(super) fn level(most: f32, value: f32) -> u8 {
+        let below = (most / value.max(f32::MIN_POSITIVE)).log2();
+        (LEVELS * below).round().clamp(0.0, 255.0) as u8
+    }
+
+    /// The length of the next step: over the bound D, s the last move and y what it did to the derivative,
+    /// (s D s) / (s y). Where y says nothing, the first step's.
+    pub(super) fn barzilai_borwein(&self, gradient: &[f32], cells: Cells) -> f32 {
+        let row = cells.row();
+        let rows = self.moves.par_chunks_exact(row).zip(self.curvatures.par_chunks_exact(row));
+        let derivatives = gradient.par_chunks_exact(row).zip(self.last_gradient.par_chunks_exact(row));
+        let sums: Vec<[f64; 2]> = rows
+            .zip(derivatives)
+            .map(|((moves, kept), (now, last))| {
+                let mut sums = [0.0; 2];
+                for k in 0..row {
+                    let s = f32::from(moves[k]) / MOVE;
+                    sums[0] += f64::from(s * s * Self::curvature(self.most_curvature, kept[k]));
+                    sums[1] += f64::from(s * (now[k] - last[k]));
+                }
+                sums
+            })
+            .collect();
+        let [over, under] = sums.iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        if over > 0.0 && under > 0.0 { (over / under) as f32 } else { 1.0 }.clamp(SHORTEST, LONGEST)
     }
 
     /// The bound of the curvature by a cell's ink.

@@ -3,6 +3,7 @@
 use pellucid_core::{Cancelled, Control};
 use rayon::prelude::*;
 
+use super::rule::{Adam, StepRule};
 use super::state::{Cells, DescentState, MOVE, WHOLE};
 use super::{Descent, DescentTools};
 use crate::SurfaceSmoother;
@@ -25,6 +26,7 @@ pub(super) fn take(
     control: &Control<'_>,
 ) -> Result<f64, Cancelled> {
     smooth(cells, &mut gradient, &tools.fine, control)?;
+    let by = By::of(descent, state, &gradient, cells);
     let row = cells.row();
     let most = state.most_curvature;
     let known = &state.patches;
@@ -33,20 +35,34 @@ pub(super) fn take(
         .inks
         .par_chunks_exact_mut(row)
         .zip(state.moves.par_chunks_exact_mut(row))
-        .zip(state.curvatures.par_chunks_exact(row).zip(gradient.par_chunks_exact(row)))
+        .zip(state.curvatures.par_chunks_exact_mut(row).zip(gradient.par_chunks_exact(row)))
         .enumerate()
-        .map(|(point, ((inks, moves), (curvatures, gradient)))| {
+        .map(|(point, ((inks, moves), (kept, gradient)))| {
             let patch = known[tools.patches.of(point)];
-            let length = patch.length / shorter;
-            let momentum = if patch.rose { 0.0 } else { descent.momentum };
+            let (length, momentum) = match by {
+                By::Patches if patch.rose => (patch.length / shorter, 0.0),
+                By::Patches => (patch.length / shorter, descent.momentum),
+                By::One(length) => (length, 0.0),
+                By::Adam(_) => (1.0 / shorter, 0.0),
+            };
             let mut total = 0.0;
             for layer in 0..cells.layers {
                 let at = layer * cells.inks..(layer + 1) * cells.inks;
                 let mut wanted = [0.0; MAX_LABELS];
                 let (own, last) = (&mut inks[at.clone()], &mut moves[at.clone()]);
                 for (i, k) in at.enumerate() {
-                    let curvature = DescentState::curvature(most, curvatures[k]).max(f32::MIN_POSITIVE);
-                    let step = momentum * f32::from(last[i]) / MOVE - length * gradient[k] / curvature;
+                    let step = match &by {
+                        By::Adam(adam) => {
+                            let before = DescentState::curvature(most, kept[k]);
+                            kept[k] = DescentState::level(most, adam.root_mean_square(before, gradient[k]));
+                            let after = DescentState::curvature(most, kept[k]);
+                            length * adam.step(&mut last[i], before, after, gradient[k])
+                        }
+                        _ => {
+                            let curvature = DescentState::curvature(most, kept[k]).max(f32::MIN_POSITIVE);
+                            momentum * f32::from(last[i]) / MOVE - length * gradient[k] / curvature
+                        }
+                    };
                     wanted[i] = f32::from(own[i]) / WHOLE + step.clamp(-MOST, MOST);
                 }
                 project(&mut wanted[..cells.inks]);
@@ -54,14 +70,46 @@ pub(super) fn take(
                     let before = f32::from(*share) / WHOLE;
                     // Down, so that shares never add up to more than the whole.
                     *share = (wanted[i] * WHOLE) as u16;
-                    last[i] = ((wanted[i] - before) * MOVE).round() as i16;
+                    if !matches!(by, By::Adam(_)) {
+                        last[i] = ((wanted[i] - before) * MOVE).round() as i16;
+                    }
                     total += f64::from((wanted[i] - before).abs());
                 }
             }
             total
         })
         .collect();
+    if descent.rule == StepRule::BarzilaiBorwein {
+        state.last_gradient = gradient;
+    }
     Ok(moved.iter().sum::<f64>() / (moved.len() * row).max(1) as f64)
+}
+
+/// What decides a step's length.
+enum By {
+    /// Each patch's own, over the bound.
+    Patches,
+    /// One for all, over the bound.
+    One(f32),
+    Adam(Adam),
+}
+
+impl By {
+    fn of(descent: &Descent, state: &mut DescentState, gradient: &[f32], cells: Cells) -> Self {
+        match descent.rule {
+            StepRule::Bound => Self::Patches,
+            StepRule::BarzilaiBorwein => Self::One(state.barzilai_borwein(gradient, cells)),
+            StepRule::Adam => {
+                if state.steps == 0 {
+                    // Root mean squares take the curvatures' place, and begin at next to nothing.
+                    state.most_curvature =
+                        gradient.iter().fold(f32::MIN_POSITIVE, |most, d| most.max(d.abs()));
+                    state.curvatures = vec![u8::MAX; gradient.len()];
+                }
+                Self::Adam(Adam::new(descent.momentum, state.steps))
+            }
+        }
+    }
 }
 
 /// Smooths derivatives over the surface, layer by layer.

@@ -1,0 +1,83 @@
+//! Rules that turn a derivative into a step.
+
+use serde::{Deserialize, Serialize};
+
+use super::state::MOVE;
+
+/// How far descent steps. `docs/results/descent` compares what the rules reach.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum StepRule {
+    /// In proportion to the step that a separable quadratic bound of the loss's curvature makes safe (De Pierro 1995),
+    /// patch by patch of the surface, with momentum.
+    #[default]
+    Bound,
+    /// By running means of derivatives and of their squares (Kingma and Ba 2015), every share by itself; the momentum is
+    /// the first mean's share of the past.
+    Adam,
+    /// Against the bound, by one length for all that the last move and what it did to the derivative give (Barzilai and
+    /// Borwein 1988, their first); no momentum.
+    BarzilaiBorwein,
+}
+
+/// Share of the past in the running mean of squares: of a hundred steps, since there are few.
+const SQUARES: f32 = 0.99;
+/// The first step of [`StepRule::Adam`], as a share of a cell.
+const ADAM_STEP: f32 = 0.05;
+/// A mean is at most so many root mean squares long: by Cauchy and Schwarz, without momentum 1 / sqrt(1 - [`SQUARES`]).
+const LONGEST: f32 = 10.0;
+
+/// [`StepRule::Adam`] at one of its steps.
+pub(super) struct Adam {
+    momentum: f32,
+    /// What the means lack, since they begin with nothing.
+    corrections: [f32; 2],
+}
+
+impl Adam {
+    /// Its step after `steps`.
+    pub(super) fn new(momentum: f32, steps: u32) -> Self {
+        let whole = |share: f32| 1.0 - share.powf(steps as f32 + 1.0);
+        Self { momentum, corrections: [whole(momentum), whole(SQUARES)] }
+    }
+
+    /// The root mean square after a derivative.
+    pub(super) fn root_mean_square(&self, before: f32, derivative: f32) -> f32 {
+        (SQUARES * before * before + (1.0 - SQUARES) * derivative * derivative).sqrt()
+    }
+
+    /// The step by a derivative, given the root mean squares before and after it as they are kept, and the mean, which
+    /// is kept over its root mean square.
+    pub(super) fn step(&self, mean: &mut i16, before: f32, after: f32, derivative: f32) -> f32 {
+        let unit = MOVE / LONGEST;
+        let last = f32::from(*mean) / unit * before;
+        let next = self.momentum * last + (1.0 - self.momentum) * derivative;
+        let over = (next / after.max(f32::MIN_POSITIVE)).clamp(-LONGEST, LONGEST);
+        *mean = (over * unit).round() as i16;
+        let [first, second] = self.corrections;
+        -ADAM_STEP * over / first * second.sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn adam_steps_as_its_paper_says() {
+        let derivatives = [0.3f64, -0.2, 0.25, 0.4, 0.1, -0.05, 0.3, 0.2];
+        let (mut m, mut v, mut mean, mut root) = (0.0f64, 0.0f64, 0i16, 0.0f32);
+        for (t, g) in derivatives.into_iter().enumerate() {
+            (m, v) = (0.9 * m + 0.1 * g, 0.99 * v + 0.01 * g * g);
+            let power = t as i32 + 1;
+            let (m_hat, v_hat) = (m / (1.0 - 0.9f64.powi(power)), v / (1.0 - 0.99f64.powi(power)));
+            let adam = Adam::new(0.9, t as u32);
+            let after = adam.root_mean_square(root, g as f32);
+            let step = adam.step(&mut mean, root, after, g as f32);
+            root = after;
+            let wanted = -f64::from(ADAM_STEP) * m_hat / v_hat.sqrt();
+            assert!((f64::from(step) - wanted).abs() < 1e-4, "{t}: {step} {wanted}");
+        }
+    }
+}
