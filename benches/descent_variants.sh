@@ -30,15 +30,24 @@ echo "- version: commit $(git rev-parse --short HEAD) of $(git log -1 --format=%
 echo "- machine: $(sed -n 's/^model name.*: //p' /proc/cpuinfo | head -1), $(nproc) cores"
 printf '\nOne seed. Mean dE2000 to the printable target, as the judge finds it with paths of its own.\n\n'
 printf '| variant | voxel | 0.1 mm | sharpness | seconds |\n| --- | ---: | ---: | ---: | ---: |\n'
-variant "surface-first, 10 iterations" ''
-down=(--strategy descent --iterations 30)
-variant "descent, 30 iterations" '' "${down[@]}"
-variant "70 iterations" '' --strategy descent --iterations 70
-variant "8 paths a point in the prediction, not 16" '"spp": 8' "${down[@]}"
-variant "derivative by the network" '"gradient": "network"' "${down[@]}"
-variant "contrast 0, not 2" '"descent": { "contrast": 0.0 }' "${down[@]}"
-variant "24 layers, not 12" '"refine": { "layers": 24 }' "${down[@]}"
-variant "momentum 0.7, not 0.9" '"descent": { "momentum": 0.7 }' "${down[@]}"
-variant "opened by no step of surface-first, not 5" '"descent": { "opening_steps": 0 }' "${down[@]}"
-variant "forgiveness 1, not 0.5" '"descent": { "forgiveness": 1.0 }' "${down[@]}"
-variant "forgiveness 0, not 0.5" '"descent": { "forgiveness": 0.0 }' "${down[@]}"
+variant "surface-first" '' --strategy surface-first
+variant "descent" ''
+variant "descent, another seed" '' --seed 1
+variant "20 iterations, not 40" '' --iterations 20
+variant "80 iterations" '' --iterations 80
+variant "4 paths a point in the prediction, not 8" '"spp": 4'
+variant "16 paths" '"spp": 16'
+variant "2 paths a point in the derivative, not 4" '"gradient_spp": 2.0'
+variant "8 paths" '"gradient_spp": 8.0'
+variant "derivative by the network" '"gradient": "network"'
+variant "prediction by the network, which paths correct" '' --predictor rpnn
+variant "contrast 0, not 2" '"descent": { "contrast": 0.0 }'
+variant "24 layers, not 12" '"refine": { "layers": 24 }'
+variant "momentum 0.7, not 0.9" '"descent": { "momentum": 0.7 }'
+variant "opened by no step of surface-first, not 5" '"descent": { "opening_steps": 0 }'
+variant "forgiveness 1, not 0.5" '"descent": { "forgiveness": 1.0 }'
+variant "forgiveness 0, not 0.5" '"descent": { "forgiveness": 0.0 }'
+for seed in 0 1; do
+    variant "steps by Adam, seed $seed" '"descent": { "rule": "adam" }' --seed $seed
+    variant "steps by Barzilai and Borwein, seed $seed" '"descent": { "rule": "barzilai-borwein" }' --seed $seed
+done

@@ -5,7 +5,7 @@ mod common;
 use common::{Blur, Slab};
 use pellucid_predict::{BoundPredictor, Changed, Diagnostics, Draw, PredictError};
 use pellucid_refine::{
-    Descent, DescentState, RefineError, RefineReport, RefineSettings, Refinement, Saved, Strategy,
+    Descent, DescentState, RefineError, RefineReport, RefineSettings, Refinement, Saved, StepRule, Strategy,
     SurfaceFirst, refine,
 };
 use pellucid_voxel::{Control, LabelGrid};
@@ -79,10 +79,28 @@ fn labels_do_not_depend_on_threads() {
 }
 
 #[test]
+fn other_rules_of_steps_lower_the_loss_too() {
+    for rule in [StepRule::Adam, StepRule::BarzilaiBorwein] {
+        let (report, _) = run(Descent { rule, ..descent() }, 15);
+        let losses: Vec<f64> = report.iterations.iter().filter_map(|i| i.loss).collect();
+        let least = losses.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(least < 0.8 * losses[0], "{rule:?}: {losses:?}");
+    }
+}
+
+#[test]
 fn a_job_resumed_after_any_step_ends_as_one_that_was_not() {
+    resumed(&descent(), &[2, 4, 5, 8]);
+    for rule in [StepRule::Adam, StepRule::BarzilaiBorwein] {
+        resumed(&Descent { rule, ..descent() }, &[6]);
+    }
+}
+
+fn resumed(descent: &Descent, stops: &[u32]) {
     let slab = keys();
-    let (whole, whole_labels) = run(descent(), 9);
-    for stop in [2, 4, 5, 8] {
+    let (whole, whole_labels) = run(descent.clone(), 9);
+    let descent = || descent.clone();
+    for &stop in stops {
         let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
         let mut first = Refinement::new(slab.problem(), descent(), settings(9), &Control::none()).unwrap();
         for _ in 0..stop {

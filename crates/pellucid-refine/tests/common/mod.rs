@@ -181,11 +181,12 @@ impl Blur {
         let [x, y, z] = voxel.map(i64::from);
         let up = if 2 * voxel[2] < labels.size()[2] { 1 } else { -1 };
         for dz in 0..24 {
+            let share = (-(dz as f64) / self.depth).exp();
             for dx in -self.reach..=self.reach {
                 let at = [x + dx, y, z + up * dz];
                 let label = labels.at(at);
                 if label != 0 {
-                    visit(at, label, (-(dz as f64) / self.depth).exp() / (1.0 + dx.abs() as f64));
+                    visit(at, label, share / (1.0 + dx.abs() as f64));
                 }
             }
         }
