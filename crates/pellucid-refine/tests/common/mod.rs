@@ -166,14 +166,15 @@ impl Blur {
         }
     }
 
-    fn value(&self, labels: &LabelGrid, voxel: [u32; 3], c: usize) -> f64 {
-        let (mut sum, mut total) = (0.0, 0.0);
+    /// What is seen of each channel, 0 to 1, and the sum of the weights behind it.
+    fn values(&self, labels: &LabelGrid, voxel: [u32; 3]) -> ([f64; 3], f64) {
+        let (mut sums, mut total) = ([0.0; 3], 0.0);
         self.each(labels, voxel, |_, label, weight| {
-            sum += weight * left(label, c);
+            sums.iter_mut().enumerate().for_each(|(c, sum)| *sum += weight * left(label, c));
             total += weight;
         });
         // Light meets ink several times on its way: mixtures look darker than their mean.
-        (sum / total).powf(1.6)
+        (sums.map(|sum| (sum / total).powf(1.6)), total)
     }
 
     /// Visits the solid voxels about one: position, label, weight.
@@ -245,7 +246,8 @@ impl BoundPredictor for Blur {
                 control.check()?;
             }
             let voxel = self.object.surface().voxels()[p as usize];
-            let colors: [f64; 3] = std::array::from_fn(|c| MEDIA_WHITE[c] * self.value(labels, voxel, c));
+            let (seen, _) = self.values(labels, voxel);
+            let colors: [f64; 3] = std::array::from_fn(|c| MEDIA_WHITE[c] * seen[c]);
             for (k, out) in out.iter_mut().enumerate() {
                 let mut value = colors[band(k, channels)];
                 if self.few_paths {
@@ -280,20 +282,25 @@ impl BoundPredictor for Blur {
     ) -> Result<(), PredictError> {
         let labels = self.labels.as_ref().ok_or_else(|| PredictError::invalid("labels", "none yet"))?;
         let channels = self.object.channels();
+        let (mut voxels, mut rows) = (Vec::new(), Vec::new());
         for (&p, d) in points.iter().zip(d_radiance.chunks_exact(channels)) {
             control.check()?;
             let voxel = self.object.surface().voxels()[p as usize];
-            for c in 0..3 {
+            let (seen, total) = self.values(labels, voxel);
+            let slopes: [f64; 3] = std::array::from_fn(|c| {
                 let d: f64 = (0..channels).filter(|&k| band(k, channels) == c).map(|k| f64::from(d[k])).sum();
-                let mut total = 0.0;
-                self.each(labels, voxel, |_, _, weight| total += weight);
-                let slope = d * MEDIA_WHITE[c] * 1.6 * self.value(labels, voxel, c).powf(0.6 / 1.6) / total;
-                self.each(labels, voxel, |at, _, weight| {
-                    for label in [1, 2, 3, WHITE] {
-                        out.add(at.map(|v| v as u32), label, (slope * weight * left(label, c)) as f32);
-                    }
-                });
-            }
+                d * MEDIA_WHITE[c] * 1.6 * seen[c].powf(0.6 / 1.6) / total
+            });
+            voxels.clear();
+            rows.clear();
+            self.each(labels, voxel, |at, _, weight| {
+                voxels.push(at.map(|v| v as u32));
+                rows.extend((1..=WHITE).map(|label| {
+                    let by_channels = slopes.iter().enumerate().map(|(c, slope)| slope * left(label, c));
+                    (weight * by_channels.sum::<f64>()) as f32
+                }));
+            });
+            out.add_rows(&voxels, &rows);
         }
         Ok(())
     }
