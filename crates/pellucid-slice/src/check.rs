@@ -3,7 +3,7 @@
 use pellucid_core::Fault;
 use pellucid_voxel::{AIR, LabelGrid, MaterialTable};
 
-use crate::manifest::{self, FILE_PATTERN, FORMAT, FORMAT_VERSION, Manifest, ManifestMaterial};
+use crate::manifest::{self, FORMAT, FORMAT_VERSION, Manifest, ManifestMaterial};
 use crate::{ExportSettings, PrintTarget, SliceError};
 
 /// Checks before any work whether a print that may use the materials `labels` of a table can be written for a target.
@@ -42,10 +42,14 @@ pub fn check(
     target: &PrintTarget,
     settings: &ExportSettings,
 ) -> Result<Manifest, SliceError> {
+    let container = settings.format;
+    container.check()?;
     check_pitch(grid, target)?;
     check_size(grid, target)?;
     let used = printable(target, materials, &grid.histogram())?;
-    let padding_layers = target.min_layers().saturating_sub(grid.size()[2]);
+    let least = if container.is_for_printers() { target.min_layers() } else { 0 };
+    let padding_layers = least.saturating_sub(grid.size()[2]);
+    let row_order = container.row_order(target);
     Ok(Manifest {
         format: FORMAT.into(),
         format_version: FORMAT_VERSION,
@@ -57,9 +61,9 @@ pub fn check(
         size: grid.size(),
         layers: grid.size()[2] + padding_layers,
         padding_layers,
-        files: FILE_PATTERN.into(),
-        row_order: target.row_order(),
-        orientation: manifest::orientation(target.row_order()),
+        files: container.files().into(),
+        row_order,
+        orientation: manifest::orientation(container, row_order),
         background: target.background(),
         materials: used,
         seed: settings.seed,
