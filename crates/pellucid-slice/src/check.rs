@@ -43,7 +43,7 @@ pub fn check(
     settings: &ExportSettings,
 ) -> Result<Manifest, SliceError> {
     let container = settings.format;
-    container.check()?;
+    container.check(target)?;
     check_pitch(grid, target)?;
     check_size(grid, target)?;
     let used = printable(target, materials, &grid.histogram())?;
@@ -64,7 +64,7 @@ pub fn check(
         files: container.files().into(),
         row_order,
         orientation: manifest::orientation(container, row_order),
-        background: target.background(),
+        background: container.background(target),
         materials: used,
         seed: settings.seed,
         settings: settings.settings.clone(),
@@ -126,7 +126,8 @@ fn printable(
             let reason = format!("has no colour for material {:?} (label {label})", material.name);
             SliceError::Invalid(Fault::new(subject, reason).remedy("add one"))
         })?;
-        used.push(ManifestMaterial { label, name: material.name.clone(), rgba, voxels });
+        let resin = target.resins().get(&material.name).cloned();
+        used.push(ManifestMaterial { label, name: material.name.clone(), resin, rgba, voxels });
     }
     if used.len() > target.max_materials() as usize {
         let names: Vec<_> = used.iter().map(|m| m.name.as_str()).collect();

@@ -6,6 +6,8 @@ use pellucid_core::staging::{OwnFiles, StagedDir};
 use pellucid_voxel::{Control, LabelGrid, MaterialTable};
 
 use crate::check::check;
+#[cfg(feature = "gcvf")]
+use crate::container::gcvf;
 #[cfg(feature = "npy")]
 use crate::container::npy;
 #[cfg(feature = "nrrd")]
@@ -19,7 +21,7 @@ use crate::{Container, ExportSettings, PrintTarget, SliceError};
 /// their names with [`OwnFiles::and`].
 pub fn own_files() -> OwnFiles {
     OwnFiles::new([MANIFEST_FILE, "slices/slice_*.png"])
-        .and([Container::Nrrd, Container::Npy].map(Container::files))
+        .and([Container::Gcvf, Container::Nrrd, Container::Npy].map(Container::files))
         .marked_by(MANIFEST_FILE, manifest::is_manifest)
 }
 
@@ -68,6 +70,11 @@ pub fn write_stack(
     let layers = manifest.layers;
     match settings.format {
         Container::Png => write_layers(grid, layers, PngStack::begin(dir, &manifest)?, control)?,
+        #[cfg(feature = "gcvf")]
+        Container::Gcvf => {
+            let path = dir.join(settings.format.files());
+            write_layers(grid, layers, gcvf::GcvfWriter::begin(path, grid, &manifest, target)?, control)?;
+        }
         #[cfg(feature = "nrrd")]
         Container::Nrrd => {
             let path = dir.join(settings.format.files());

@@ -27,6 +27,9 @@ pub struct ManifestMaterial {
     pub label: u8,
     /// Name in the material table.
     pub name: String,
+    /// The printer's own name of it, where the profile knows one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resin: Option<String>,
     /// The colour that stands for it in the images.
     pub rgba: [u8; 4],
     /// Number of voxels of it.

@@ -29,6 +29,10 @@ pub fn read_stack(dir: &Path, control: &Control) -> Result<(LabelGrid, Manifest)
     let manifest = Manifest::load(dir)?;
     let grid = match manifest.container() {
         Container::Png => read_pngs(dir, &manifest, control)?,
+        #[cfg(feature = "gcvf")]
+        Container::Gcvf => {
+            crate::container::gcvf::read_stated(&dir.join(&manifest.files), &manifest, control)?
+        }
         #[cfg(feature = "nrrd")]
         Container::Nrrd => {
             crate::container::nrrd::read_stated(&dir.join(&manifest.files), &manifest, control)?

@@ -1,6 +1,6 @@
 //! Labels as one NumPy array, `labels.npy`.
 //!
-//! Format 1.0, `uint8`, C order, shape `(z, y, x)`: `numpy.load("labels.npy")[z, y, x]` is a voxel's label, 0 for air;
+//! Format 1.0 (Kern 2007), `uint8`, C order, shape `(z, y, x)`: `numpy.load("labels.npy")[z, y, x]` is a voxel's label, 0 for air;
 //! z grows upwards, y to the back. Pitch, origin and what the labels stand for are in `manifest.json` beside it.
 
 use std::fs::File;
@@ -11,7 +11,7 @@ use pellucid_core::files::WholeFile;
 use pellucid_core::{Fault, FileError};
 use pellucid_voxel::{Control, Frame, LabelGrid, Pitch};
 
-use super::volume::{in_file, read_labels};
+use super::volume::read_labels;
 use super::writer::LayerWriter;
 use crate::SliceError;
 
@@ -52,7 +52,7 @@ fn open(path: &Path) -> Result<(impl Read, [u32; 3]), SliceError> {
     let length = file.metadata().map_err(FileError::at("read", path))?.len();
     let mut bytes = BufReader::with_capacity(1 << 16, file);
     let exact = |bytes: &mut [u8], from: &mut BufReader<File>| {
-        from.read_exact(bytes).map_err(|e| in_file(path, e, "the header"))
+        from.read_exact(bytes).map_err(|e| SliceError::reading(path, e, "the header"))
     };
     let mut head = [0; 8];
     exact(&mut head, &mut bytes)?;

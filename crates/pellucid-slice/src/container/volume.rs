@@ -1,10 +1,9 @@
 //! Labels of a volume, ordered `[z][y][x]`, read one after the other.
 
-use std::io::{ErrorKind, Read};
+use std::io::Read;
 use std::path::Path;
 use std::sync::Mutex;
 
-use pellucid_core::FileError;
 use pellucid_voxel::{AIR, Control, Frame, LabelGrid, TILE, TILE_VOXELS, Tile};
 
 use crate::SliceError;
@@ -28,7 +27,7 @@ pub(crate) fn read_labels(
         for z in first..depth.min(first + TILE as u32) {
             for y in 0..height {
                 control.check()?;
-                let in_layer = |e| in_file(path, e, &format!("layer {z}, row {y}"));
+                let in_layer = |e| SliceError::reading(path, e, &format!("layer {z}, row {y}"));
                 bytes.read_exact(&mut line).map_err(in_layer)?;
                 slab.add(&line, y as usize, (z - first) as usize);
             }
@@ -37,20 +36,9 @@ pub(crate) fn read_labels(
         slabs.push(slab.tiles.into_iter().map(Building::into_tile).map(Mutex::new).collect());
     }
     let mut more = [0];
-    match bytes.read(&mut more).map_err(|e| in_file(path, e, "after the last layer"))? {
+    match bytes.read(&mut more).map_err(|e| SliceError::reading(path, e, "the end"))? {
         0 => Ok(grid_of(frame, slabs)),
         _ => Err(SliceError::file(path, "holds more than its header says")),
-    }
-}
-
-/// An error while reading data of a file: damage, or the disk's.
-pub(crate) fn in_file(path: &Path, error: std::io::Error, place: &str) -> SliceError {
-    match error.kind() {
-        ErrorKind::UnexpectedEof => SliceError::file(path, format!("ends within {place}")),
-        ErrorKind::InvalidData | ErrorKind::InvalidInput => {
-            SliceError::file(path, format!("is damaged at {place}: {error}"))
-        }
-        _ => FileError::at("read", path)(error).into(),
     }
 }
 

@@ -8,7 +8,6 @@ use pellucid_core::Fault;
 use pellucid_voxel::Pitch;
 
 use crate::SliceError;
-use crate::container::volume::in_file;
 use crate::manifest::Manifest;
 
 /// Longest header that is read.
@@ -88,7 +87,10 @@ struct Lines<'a, R> {
 impl<R: BufRead> Lines<'_, R> {
     fn next(&mut self) -> Result<String, SliceError> {
         let mut line = Vec::new();
-        let read = self.from.read_until(b'\n', &mut line).map_err(|e| in_file(self.path, e, "the header"))?;
+        let read = self
+            .from
+            .read_until(b'\n', &mut line)
+            .map_err(|e| SliceError::reading(self.path, e, "the header"))?;
         self.bytes += read as u64;
         match line.pop() {
             Some(b'\n') => {}

@@ -2,7 +2,7 @@
 //!
 //! `uint8`, gzip, axes x, y, z with x fastest, as the grid has them: z grows upwards. `space directions` are the voxels'
 //! edges in mm, `space origin` is the centre of voxel (0, 0, 0), as the format has it. What a label stands for follows as
-//! key/value pairs: `material 1:=cyan` and `rgba 1:=0 174 239 255`.
+//! key/value pairs: `material 1:=cyan` and `rgba 1:=0 174 239 255`. The format is Kindlmann's; gzip as Deutsch 1996 has it.
 
 mod header;
 
@@ -49,7 +49,7 @@ pub fn read(
     let counts = grid.histogram();
     let materials = header.materials.into_iter().filter_map(|(label, name, rgba)| {
         let voxels = counts[usize::from(label)];
-        (voxels > 0).then_some(ManifestMaterial { label, name, rgba, voxels })
+        (voxels > 0).then_some(ManifestMaterial { label, name, rgba, voxels, resin: None })
     });
     Ok((grid, materials.collect()))
 }
