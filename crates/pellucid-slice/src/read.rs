@@ -70,7 +70,7 @@ fn check_counts(dir: &Path, manifest: &Manifest, grid: &LabelGrid) -> Result<(),
 }
 
 /// The images of a stack must all be like this.
-pub(crate) fn header_of(manifest: &Manifest) -> Header {
+fn header_of(manifest: &Manifest) -> Header {
     let [width, height, _] = manifest.size;
     Header { size: [width, height], color: ColorType::Rgba, depth: BitDepth::Eight, interlaced: false }
 }
