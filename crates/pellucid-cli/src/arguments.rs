@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pellucid::slice::PrintTarget;
+use pellucid::slice::{Container, PrintTarget};
 use pellucid::voxel::MaterialTable;
 
 use crate::Failure;
@@ -40,6 +40,13 @@ pub fn positive(text: &str) -> Result<u32, String> {
 /// A whole number from 0 on.
 pub fn count(text: &str) -> Result<u32, String> {
     text.parse().map_err(|_| format!("a whole number from 0 to {} is needed", u32::MAX))
+}
+
+/// What slices are written as.
+pub fn format(name: &str) -> Result<Container, String> {
+    let known = Container::ALL.map(Container::name).join(", ");
+    let found = Container::ALL.into_iter().find(|format| format.name() == name);
+    found.ok_or_else(|| format!("a format is one of {known}"))
 }
 
 /// A printer by its name, or its profile's file.

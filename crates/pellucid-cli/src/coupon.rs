@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use pellucid::core::Control;
-use pellucid::slice::{self, ExportSettings};
+use pellucid::slice::{self, Container, ExportSettings};
 use pellucid::voxel::MaterialTable;
 
 use crate::{Failure, arguments, terminal};
@@ -12,12 +12,15 @@ use crate::{Failure, arguments, terminal};
 /// Arguments of `pellucid coupon`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Folder to create: slices/ and manifest.json
+    /// Folder to create: slices and manifest.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Printer: j750, or the file of a profile
+    /// Printer: j750, j750-high-quality-vivid and so on, or the file of a profile
     #[arg(long, value_name = "NAME|FILE", default_value = "j750")]
     printer: String,
+    /// What the slices are written as: png (a folder of them), gcvf, nrrd or npy
+    #[arg(long, value_name = "FORMAT", value_parser = arguments::format, default_value = "png")]
+    format: Container,
     /// Materials in a file; cyan, magenta, yellow, black and white without it
     #[arg(long, value_name = "FILE")]
     materials: Option<PathBuf>,
@@ -39,6 +42,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let grid = slice::coupon(&printer, &materials, &args.plate, &args.letter)?;
     let settings = ExportSettings {
         force: args.force,
+        format: args.format,
         generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
         ..ExportSettings::default()
     };

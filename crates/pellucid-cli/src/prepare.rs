@@ -8,6 +8,7 @@ use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
 use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
 use pellucid::predict::NetworkDevice;
+use pellucid::slice::Container;
 use pellucid::stage::{Observer, Stage};
 use pellucid::{
     GradientKind, ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record,
@@ -26,7 +27,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 pub struct Args {
     /// A glTF 2.0 model: .glb, or .gltf with its files beside it
     model: PathBuf,
-    /// Folder to create: slices/, manifest.json, report.json, proof.png, proof.exr, error.png
+    /// Folder to create: slices, manifest.json, report.json, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it
@@ -39,9 +40,12 @@ pub struct Args {
     #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true,
           conflicts_with = "height_mm")]
     width_mm: Option<f64>,
-    /// Printer: j750, or the file of a profile
+    /// Printer: j750, j750-high-quality-vivid and so on, or the file of a profile
     #[arg(long, value_name = "NAME|FILE")]
     printer: Option<String>,
+    /// What the slices are written as: png (a folder of them), gcvf, nrrd or npy; png without it
+    #[arg(long, value_name = "FORMAT", value_parser = arguments::format)]
+    format: Option<Container>,
     /// Materials in a file; cyan, magenta, yellow, black and white without it
     #[arg(long, value_name = "FILE")]
     materials: Option<PathBuf>,
@@ -158,6 +162,7 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
     if let Some(printer) = &args.printer {
         settings.printer = arguments::printer(printer)?;
     }
+    settings.format = args.format.unwrap_or(settings.format);
     if let Some(file) = &args.materials {
         settings.materials = arguments::materials(file)?;
     }

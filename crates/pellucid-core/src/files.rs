@@ -1,7 +1,7 @@
 //! Files that are read within a bound and written whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::FileError;
@@ -56,13 +56,80 @@ pub fn write_whole(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let path = path.as_ref();
-    let (temporary, file) = create_beside(path).map_err(FileError::at("create", path))?;
-    let result = write_synced(file, write).and_then(|()| fs::rename(&temporary, path));
-    result.map_err(|source| {
-        // What failed is told; that its remains could not be removed either would say nothing more.
-        let _ = fs::remove_file(&temporary);
-        FileError { action: "write", path: path.to_owned(), source }
-    })
+    let mut out = BufWriter::new(WholeFile::create(path)?);
+    let written = write(&mut out).and_then(|()| out.into_inner().map_err(io::IntoInnerError::into_error));
+    written.map_err(FileError::at("write", path))?.commit()
+}
+
+/// A file that is written under a temporary name in the same folder and takes its own with [`WholeFile::commit`], for
+/// writers that go back to what they wrote. Dropped before that it leaves the old file, or none. It has no buffer.
+///
+/// ```
+/// use pellucid_core::files::WholeFile;
+/// use std::io::Write;
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("labels.npy");
+/// let mut file = WholeFile::create(&path)?;
+/// file.write_all(b"...")?;
+/// assert!(!path.exists());
+/// file.commit()?;
+/// assert_eq!(std::fs::read(&path)?, b"...");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct WholeFile {
+    file: File,
+    path: PathBuf,
+    temporary: PathBuf,
+    committed: bool,
+}
+
+impl WholeFile {
+    /// Creates the temporary file.
+    ///
+    /// # Errors
+    /// [`FileError`] naming `path`.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
+        let (temporary, file) = create_beside(path).map_err(FileError::at("create", path))?;
+        Ok(Self { file, path: path.to_owned(), temporary, committed: false })
+    }
+
+    /// Gives the file its name once all of it is on the disk.
+    ///
+    /// # Errors
+    /// [`FileError`]; the temporary file is gone then.
+    pub fn commit(mut self) -> Result<(), FileError> {
+        let placed = self.file.sync_all().and_then(|()| fs::rename(&self.temporary, &self.path));
+        placed.map_err(FileError::at("write", &self.path))?;
+        self.committed = true;
+        Ok(())
+    }
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for WholeFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        if !self.committed {
+            // What failed is told; that its remains could not be removed either would say nothing more.
+            let _ = fs::remove_file(&self.temporary);
+        }
+    }
 }
 
 /// [`write_whole`] of bytes at hand.
@@ -93,12 +160,6 @@ pub fn name_matches(pattern: &str, name: &str) -> bool {
         }
     }
     name.ends_with(tail)
-}
-
-fn write_synced(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut out = BufWriter::new(file);
-    write(&mut out)?;
-    out.into_inner()?.sync_all()
 }
 
 /// A new file `.NAME.partial-PID-N` beside `path`.

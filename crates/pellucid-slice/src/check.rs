@@ -3,7 +3,7 @@
 use pellucid_core::Fault;
 use pellucid_voxel::{AIR, LabelGrid, MaterialTable};
 
-use crate::manifest::{self, FILE_PATTERN, FORMAT, FORMAT_VERSION, Manifest, ManifestMaterial};
+use crate::manifest::{self, FORMAT, FORMAT_VERSION, Manifest, ManifestMaterial};
 use crate::{ExportSettings, PrintTarget, SliceError};
 
 /// Checks before any work whether a print that may use the materials `labels` of a table can be written for a target.
@@ -42,10 +42,14 @@ pub fn check(
     target: &PrintTarget,
     settings: &ExportSettings,
 ) -> Result<Manifest, SliceError> {
+    let container = settings.format;
+    container.check(target)?;
     check_pitch(grid, target)?;
     check_size(grid, target)?;
     let used = printable(target, materials, &grid.histogram())?;
-    let padding_layers = target.min_layers().saturating_sub(grid.size()[2]);
+    let least = if container.is_for_printers() { target.min_layers() } else { 0 };
+    let padding_layers = least.saturating_sub(grid.size()[2]);
+    let row_order = container.row_order(target);
     Ok(Manifest {
         format: FORMAT.into(),
         format_version: FORMAT_VERSION,
@@ -57,10 +61,10 @@ pub fn check(
         size: grid.size(),
         layers: grid.size()[2] + padding_layers,
         padding_layers,
-        files: FILE_PATTERN.into(),
-        row_order: target.row_order(),
-        orientation: manifest::orientation(target.row_order()),
-        background: target.background(),
+        files: container.files().into(),
+        row_order,
+        orientation: manifest::orientation(container, row_order),
+        background: container.background(target),
         materials: used,
         seed: settings.seed,
         settings: settings.settings.clone(),
@@ -122,7 +126,8 @@ fn printable(
             let reason = format!("has no colour for material {:?} (label {label})", material.name);
             SliceError::Invalid(Fault::new(subject, reason).remedy("add one"))
         })?;
-        used.push(ManifestMaterial { label, name: material.name.clone(), rgba, voxels });
+        let resin = target.resins().get(&material.name).cloned();
+        used.push(ManifestMaterial { label, name: material.name.clone(), resin, rgba, voxels });
     }
     if used.len() > target.max_materials() as usize {
         let names: Vec<_> = used.iter().map(|m| m.name.as_str()).collect();

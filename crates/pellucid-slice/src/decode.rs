@@ -10,7 +10,7 @@ use png::{Decoder, DecodingError, Reader, Transformations};
 use crate::SliceError;
 
 /// Deflate packs at most this many bytes into one.
-const MAX_DEFLATE_RATIO: u64 = 1032;
+pub(crate) const MAX_DEFLATE_RATIO: u64 = 1032;
 
 /// What a PNG file says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,8 +39,13 @@ impl Header {
     }
 
     /// Length of a file, if one of that length can hold the image that the header claims.
-    pub fn check_length(&self, path: &Path) -> Result<u64, SliceError> {
+    pub fn check_file(&self, path: &Path) -> Result<u64, SliceError> {
         let length = fs::metadata(path).map_err(FileError::at("read", path))?.len();
+        self.check_length(length, path)
+    }
+
+    /// The length again, if so many bytes can hold the image that the header claims.
+    pub fn check_length(&self, length: u64, path: &Path) -> Result<u64, SliceError> {
         let [width, height] = self.size.map(u64::from);
         let bits = width * self.color.samples() as u64 * self.depth as u64;
         // A filter byte a row.
@@ -63,11 +68,21 @@ pub(crate) struct Image {
 impl Image {
     /// Opens an image that must have a header, its samples transformed.
     pub fn open(path: &Path, header: Header, transformations: Transformations) -> Result<Self, SliceError> {
-        let length = header.check_length(path)?;
+        let length = header.check_file(path)?;
         let mut bytes = Vec::new();
         File::open(path)
             .and_then(|file| file.take(length).read_to_end(&mut bytes))
             .map_err(FileError::at("read", path))?;
+        Self::of_bytes(bytes, path, header, transformations)
+    }
+
+    /// The same of a file's bytes; `path` is what errors call it.
+    pub fn of_bytes(
+        bytes: Vec<u8>,
+        path: &Path,
+        header: Header,
+        transformations: Transformations,
+    ) -> Result<Self, SliceError> {
         let mut decoder = Decoder::new(Cursor::new(bytes));
         decoder.set_transformations(transformations);
         decoder.set_ignore_text_chunk(true);

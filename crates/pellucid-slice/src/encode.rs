@@ -7,7 +7,7 @@ use std::path::Path;
 use pellucid_core::{Control, FileError};
 use png::{BitDepth, ColorType, DeflateCompression, EncodingError, Filter, PixelDimensions, Unit};
 
-use crate::{RowOrder, SliceError};
+use crate::{Manifest, RowOrder, SliceError};
 
 /// What every image of a stack has in common.
 pub(crate) struct LayerFormat {
@@ -20,6 +20,16 @@ pub(crate) struct LayerFormat {
 }
 
 impl LayerFormat {
+    /// The images of a stack.
+    pub fn of(manifest: &Manifest) -> Self {
+        let mut colors = [manifest.background; 256];
+        for m in &manifest.materials {
+            colors[usize::from(m.label)] = m.rgba;
+        }
+        let ([width, height, _], [x, y, _]) = (manifest.size, manifest.dpi);
+        Self { width, height, dpi: [x, y], rows: manifest.row_order, colors }
+    }
+
     /// Writes a layer of labels, ordered `[y][x]`, as an RGBA PNG with its resolution in `pHYs`.
     ///
     /// The bytes depend on the arguments only. Rows are not filtered: labels of a halftone do not
@@ -30,12 +40,23 @@ impl LayerFormat {
     pub fn write(&self, labels: &[u8], path: &Path, control: &Control<'_>) -> Result<(), SliceError> {
         let file = File::create(path).map_err(FileError::at("create", path))?;
         let mut file = BufWriter::with_capacity(1 << 16, file);
-        self.encode(labels, &mut file, control).map_err(|error| match error {
+        self.encode_to(labels, &mut file, path, control)?;
+        file.flush().map_err(|e| FileError::at("write", path)(e).into())
+    }
+
+    /// The same to a writer; `path` is what errors call it.
+    pub fn encode_to(
+        &self,
+        labels: &[u8],
+        out: impl Write,
+        path: &Path,
+        control: &Control<'_>,
+    ) -> Result<(), SliceError> {
+        self.encode(labels, out, control).map_err(|error| match error {
             _ if control.cancelled() => SliceError::Cancelled,
             EncodingError::IoError(source) => FileError::at("write", path)(source).into(),
             other => SliceError::file(path, other.to_string()),
-        })?;
-        file.flush().map_err(|e| FileError::at("write", path)(e).into())
+        })
     }
 
     fn encode(&self, labels: &[u8], out: impl Write, control: &Control<'_>) -> Result<(), EncodingError> {

@@ -43,6 +43,17 @@ impl SliceError {
         Self::invalid(path.display().to_string(), reason)
     }
 
+    /// An error while a file's data was read, at `place`: damage, or the disk's.
+    #[cfg(any(feature = "gcvf", feature = "nrrd", feature = "npy"))]
+    pub(crate) fn reading(path: &Path, error: std::io::Error, place: &str) -> Self {
+        match (error.raw_os_error(), error.kind()) {
+            (Some(_), _) => FileError::at("read", path)(error).into(),
+            // A decoder's own.
+            (None, std::io::ErrorKind::UnexpectedEof) => Self::file(path, format!("ends within {place}")),
+            _ => Self::file(path, format!("is damaged at {place}: {error}")),
+        }
+    }
+
     /// The same of a file's contents, with its name first.
     pub(crate) fn in_file(self, path: &Path) -> Self {
         let named = |mut fault: Fault| {

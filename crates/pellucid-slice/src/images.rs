@@ -158,7 +158,7 @@ pub fn read_images(
             control.check()?;
             let header = Header::read(path)?;
             check_kind(&header).map_err(|error| error.in_file(path))?;
-            header.check_length(path)?;
+            header.check_file(path)?;
             Ok(header)
         })
         .collect::<Result<Vec<_>, SliceError>>()?;

@@ -5,10 +5,11 @@
 //! | [`target`] | what a printer accepts: pitch, build space, limits, palette, image row order |
 //! | [`profile`] | printers by name, and as JSON |
 //! | [`check`](mod@check) | whether a printer can hold what is to be printed |
-//! | [`export`](mod@export) | a label grid as one RGBA PNG a layer and a manifest |
+//! | [`export`](mod@export) | a label grid as slices and a manifest |
+//! | [`container`] | what slices are written as: a PNG stack, GCVF, NRRD, NPY |
 //! | [`manifest`] | `manifest.json`, everything another tool needs to use the slices |
 //! | [`recorded`] | settings of other programs inside a manifest |
-//! | [`read`] | the way back: a stack of slices as a label grid |
+//! | [`read`] | the way back: slices as a label grid |
 //! | [`images`], [`image_list`] | stacks of other tools' images as label grids |
 //! | [`coupon`](mod@coupon) | a test print that shows whether the printer mirrors |
 //!
@@ -36,6 +37,7 @@
 #![forbid(unsafe_code)]
 
 pub mod check;
+pub mod container;
 pub mod coupon;
 mod decode;
 mod encode;
@@ -53,6 +55,7 @@ mod slab;
 pub mod target;
 
 pub use check::{check, check_extent, check_materials};
+pub use container::Container;
 pub use coupon::coupon;
 pub use error::SliceError;
 pub use export::{export, own_files, write_stack};

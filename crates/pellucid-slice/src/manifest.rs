@@ -7,7 +7,7 @@ use pellucid_voxel::{Frame, Pitch};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{Recorded, RowOrder, SliceError, json};
+use crate::{Container, Recorded, RowOrder, SliceError, json};
 
 /// What `format` says in every manifest.
 pub const FORMAT: &str = "pellucid-slices";
@@ -27,6 +27,9 @@ pub struct ManifestMaterial {
     pub label: u8,
     /// Name in the material table.
     pub name: String,
+    /// The printer's own name of it, where the profile knows one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resin: Option<String>,
     /// The colour that stands for it in the images.
     pub rgba: [u8; 4],
     /// Number of voxels of it.
@@ -52,13 +55,14 @@ pub struct Manifest {
     pub origin_mm: [f64; 3],
     /// Voxels of the object's grid along `[x, y, z]`; every image is `size[0]` x `size[1]` pixels.
     pub size: [u32; 3],
-    /// Number of images: `size[2]` and the padding above.
+    /// Number of layers: `size[2]` and the padding above.
     pub layers: u32,
     /// Empty layers above the object, added where the printer asks for more layers.
     pub padding_layers: u32,
-    /// Image names, printf style over the layer number, bottom layer 0 first.
+    /// Image names, printf style over the layer number, bottom layer 0 first; or the one file of another container,
+    /// [`Container::files`].
     pub files: String,
-    /// Which end of the y axis is the top row of an image.
+    /// Which end of the y axis is the top row of an image, or comes first in a volume.
     pub row_order: RowOrder,
     /// The same in words, for a reader without this crate.
     pub orientation: String,
@@ -73,7 +77,12 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// Path of a layer's image in the output folder `dir`.
+    /// What the slices are written as.
+    pub fn container(&self) -> Container {
+        Container::of_files(&self.files).unwrap_or_default()
+    }
+
+    /// Path of a layer's image in the output folder `dir` of a [`Container::Png`].
     pub fn slice_path(&self, dir: &Path, layer: u32) -> PathBuf {
         slice_path(dir, layer)
     }
@@ -138,8 +147,9 @@ impl Manifest {
         if self.layers > Frame::MAX_EDGE {
             return invalid("layers", format!("{} passes {}", self.layers, Frame::MAX_EDGE));
         }
-        if self.files != FILE_PATTERN {
-            return invalid("files", format!("{:?} must be {FILE_PATTERN:?}", self.files));
+        if Container::of_files(&self.files).is_none() {
+            let known = Container::ALL.map(Container::files).join(", ");
+            return invalid("files", format!("{:?} must be one of {known}", self.files));
         }
         let mut colors = vec![self.background];
         let mut label = 0;
@@ -183,7 +193,12 @@ pub(crate) fn slice_path(dir: &Path, layer: u32) -> PathBuf {
 }
 
 /// The words for [`Manifest::orientation`].
-pub(crate) fn orientation(rows: RowOrder) -> String {
+pub(crate) fn orientation(container: Container, rows: RowOrder) -> String {
+    if !container.is_for_printers() {
+        return "Labels are ordered by z, y, x, with x fastest; z grows upwards from the bottom layer 0, and x and y \
+                as in the manifest's lengths. The axes are right-handed."
+            .into();
+    }
     let rows = match rows {
         RowOrder::HighestYFirst => {
             "The top row of an image is the highest y, so an image viewer shows the layer as seen from above"

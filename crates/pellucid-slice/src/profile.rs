@@ -4,9 +4,22 @@
 //! {
 //!   "name": "j750", "dpi": [600, 300], "layer_um": 27, "build_space_mm": [490, 390, 200], "max_materials": 6,
 //!   "min_layers": 30, "row_order": "highest_y_first", "background": [0, 0, 0, 0],
-//!   "palette": {"cyan": [0, 174, 239, 255], "white": [255, 255, 255, 255]}
+//!   "palette": {"cyan": [0, 174, 239, 255], "white": [255, 255, 255, 255]},
+//!   "resins": {"cyan": "VeroCyan", "white": "VeroPureWht"}
 //! }
 //! ```
+//! `resins` are the printer's own names of materials, and may be left out.
+//!
+//! | built in | layers | materials at once | resins |
+//! | --- | --- | --- | --- |
+//! | `j750` | 27 µm | 6 | unnamed, with screen colours |
+//! | `j750-high-mix-opaque`, `-vivid` | 27 µm | 6 | VeroOpaque, VeroVivid with Ultra white and black |
+//! | `j750-high-quality-opaque`, `-vivid` | 14 µm | 6 | the same |
+//! | `j750-high-speed-opaque`, `-vivid` | 27 µm | 3 | the same |
+//!
+//! They stand for the J735, J750, J835 and J850 alike. The palettes of those with resins are the colours by which public
+//! tools identify them in slices.
+//!
 //! The voxel edges stand as `"dpi": [x, y]` and `"layer_um"`, as `"dpi": [x, y, z]`, or as `"pitch_mm": [x, y, z]`.
 
 use std::collections::BTreeMap;
@@ -24,7 +37,15 @@ const MAX_PROFILE_BYTES: u64 = 1 << 20;
 
 impl PrintTarget {
     /// Names of the built-in profiles.
-    pub const NAMES: &'static [&'static str] = &["j750"];
+    pub const NAMES: &'static [&'static str] = &[
+        "j750",
+        "j750-high-mix-opaque",
+        "j750-high-mix-vivid",
+        "j750-high-quality-opaque",
+        "j750-high-quality-vivid",
+        "j750-high-speed-opaque",
+        "j750-high-speed-vivid",
+    ];
 
     /// The built-in profile of a Stratasys J750 class printer driven through PNG stacks: 600 x 300 DPI, layers of
     /// 27.000 µm, 490 x 390 x 200 mm, 6 materials and the background, at least 30 slices.
@@ -46,6 +67,7 @@ impl PrintTarget {
             row_order: RowOrder::HighestYFirst,
             background: [0; 4],
             palette: palette.map(|(name, [r, g, b])| (name.to_owned(), [r, g, b, 255])).into(),
+            resins: BTreeMap::new(),
         }
     }
 
@@ -56,6 +78,9 @@ impl PrintTarget {
     pub fn by_name(name: &str) -> Result<Self, SliceError> {
         if name.eq_ignore_ascii_case("j750") {
             return Ok(Self::j750());
+        }
+        if let Some((_, text)) = FILES.iter().find(|(known, _)| name.eq_ignore_ascii_case(known)) {
+            return Self::from_json(text);
         }
         let fault = Fault::new("printer", format!("{name:?} is not a built-in profile"))
             .remedy(format!("built in: {}; others are read from a JSON file", Self::NAMES.join(", ")));
@@ -94,6 +119,16 @@ impl PrintTarget {
     }
 }
 
+/// The built-in profiles that are files, by name.
+const FILES: [(&str, &str); 6] = [
+    ("j750-high-mix-opaque", include_str!("../printers/j750-high-mix-opaque.json")),
+    ("j750-high-mix-vivid", include_str!("../printers/j750-high-mix-vivid.json")),
+    ("j750-high-quality-opaque", include_str!("../printers/j750-high-quality-opaque.json")),
+    ("j750-high-quality-vivid", include_str!("../printers/j750-high-quality-vivid.json")),
+    ("j750-high-speed-opaque", include_str!("../printers/j750-high-speed-opaque.json")),
+    ("j750-high-speed-vivid", include_str!("../printers/j750-high-speed-vivid.json")),
+];
+
 /// A profile as it stands in a file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -111,6 +146,8 @@ struct Raw {
     row_order: RowOrder,
     background: [u8; 4],
     palette: BTreeMap<String, [u8; 4]>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    resins: BTreeMap<String, String>,
 }
 
 impl Raw {
@@ -125,6 +162,7 @@ impl Raw {
             row_order: self.row_order,
             background: self.background,
             palette: self.palette,
+            resins: self.resins,
         }
         .checked()
     }
@@ -174,6 +212,7 @@ impl Serialize for PrintTarget {
             row_order: self.row_order,
             background: self.background,
             palette: self.palette.clone(),
+            resins: self.resins.clone(),
         }
         .serialize(serializer)
     }
@@ -205,6 +244,26 @@ mod tests {
         assert_eq!(PrintTarget::load(&path).unwrap(), PrintTarget::j750());
         assert_eq!(PrintTarget::j750().checked().unwrap(), PrintTarget::j750());
         assert_eq!(PrintTarget::by_name_or_file(path.to_str().unwrap()).unwrap(), PrintTarget::j750());
+    }
+
+    #[test]
+    fn profiles_of_each_mode_hold_its_layers_and_materials() {
+        for (name, _) in FILES {
+            let target = PrintTarget::by_name(name).unwrap();
+            let (um, materials) = match name {
+                _ if name.contains("high-quality") => (14.0, 6),
+                _ if name.contains("high-speed") => (27.0, 3),
+                _ => (27.0, 6),
+            };
+            assert_eq!(target.pitch().mm(), [25.4 / 600.0, 25.4 / 300.0, um / 1000.0], "{name}");
+            assert_eq!(target.max_materials(), materials, "{name}");
+            // All of the palette have a resin, and any of the printer's may be chosen.
+            assert!(target.palette().keys().eq(target.resins().keys()), "{name}");
+            assert_eq!(target.palette().len(), 6);
+            let cyan = if name.contains("vivid") { "VeroCY-V" } else { "VeroCyan" };
+            assert_eq!(target.resins()["cyan"], cyan);
+            assert_eq!(target.color_of("cyan"), Some([0, 90, 158, 255]));
+        }
     }
 
     #[test]
@@ -280,6 +339,8 @@ mod tests {
             ),
             ("/palette/cyan", json!([255, 255, 255, 255]), "white"),
             ("/background", json!([255, 255, 255, 0]), "white"),
+            ("/resins", json!({"gold": "VeroGold"}), "resins: \"gold\" is not in the palette"),
+            ("/resins", json!({"cyan": "a", "white": "a"}), "\"white\" and \"cyan\" are both \"a\""),
             ("/name", json!(" "), "name"),
             ("/name", json!(3), "name: found the number 3 where text is expected"),
             (
@@ -290,6 +351,7 @@ mod tests {
         ];
         for (pointer, value, word) in cases {
             let mut bad = good();
+            bad["resins"] = json!({});
             *bad.pointer_mut(pointer).unwrap() = value;
             let error = PrintTarget::from_json(&bad.to_string()).unwrap_err();
             assert!(matches!(error, SliceError::Invalid(_)));

@@ -7,12 +7,13 @@ use pellucid_voxel::{AIR, Control, LabelGrid};
 use png::{BitDepth, ColorType, Transformations};
 use rayon::prelude::*;
 
-use crate::SliceError;
 use crate::decode::{Header, Image};
 use crate::manifest::{self, Manifest};
 use crate::slab::{LayerRows, read_layers};
+use crate::{Container, SliceError};
 
-/// Reads `manifest.json` and the slices it names from an output folder of [`crate::export()`].
+/// Reads `manifest.json` and the slices it names, in whatever [`Container`], from an output folder of
+/// [`crate::export()`].
 ///
 /// Labels, frame and voxel counts come back exactly. Every image is checked against the manifest
 /// before it is decoded, a file too short or too long for its claimed size is refused before
@@ -22,16 +23,63 @@ use crate::slab::{LayerRows, read_layers};
 ///
 /// # Errors
 /// [`SliceError::Io`] for a missing file, [`SliceError::Invalid`] naming the file for anything
-/// inconsistent or corrupted, [`SliceError::Unsupported`] for a later format,
+/// inconsistent or corrupted, [`SliceError::Unsupported`] for a later format or a container that this build has not,
 /// [`SliceError::Cancelled`].
 pub fn read_stack(dir: &Path, control: &Control) -> Result<(LabelGrid, Manifest), SliceError> {
     let manifest = Manifest::load(dir)?;
+    let grid = match manifest.container() {
+        Container::Png => read_pngs(dir, &manifest, control)?,
+        #[cfg(feature = "gcvf")]
+        Container::Gcvf => {
+            crate::container::gcvf::read_stated(&dir.join(&manifest.files), &manifest, control)?
+        }
+        #[cfg(feature = "nrrd")]
+        Container::Nrrd => {
+            crate::container::nrrd::read_stated(&dir.join(&manifest.files), &manifest, control)?
+        }
+        #[cfg(feature = "npy")]
+        Container::Npy => {
+            crate::container::npy::read_frame(&dir.join(&manifest.files), manifest.frame()?, control)?
+        }
+        #[allow(unreachable_patterns)]
+        other => return Err(other.missing()),
+    };
+    check_counts(dir, &manifest, &grid)?;
+    Ok((grid, manifest))
+}
+
+/// The manifest's voxels of every material, and none of others.
+fn check_counts(dir: &Path, manifest: &Manifest, grid: &LabelGrid) -> Result<(), SliceError> {
+    let mut counts = grid.histogram();
+    let wrong = |reason: String| Err(SliceError::file(&dir.join(manifest::MANIFEST_FILE), reason));
+    for m in &manifest.materials {
+        let found = std::mem::take(&mut counts[usize::from(m.label)]);
+        if found != m.voxels {
+            return wrong(format!(
+                "says {} voxels of {:?} and the slices hold {found}; export again",
+                m.voxels, m.name
+            ));
+        }
+    }
+    match counts[1..].iter().position(|&count| count > 0) {
+        Some(at) => {
+            wrong(format!("has no material of label {}, which the slices hold; export again", at + 1))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The images of a stack must all be like this.
+fn header_of(manifest: &Manifest) -> Header {
     let [width, height, _] = manifest.size;
-    let header =
-        Header { size: [width, height], color: ColorType::Rgba, depth: BitDepth::Eight, interlaced: false };
+    Header { size: [width, height], color: ColorType::Rgba, depth: BitDepth::Eight, interlaced: false }
+}
+
+fn read_pngs(dir: &Path, manifest: &Manifest, control: &Control) -> Result<LabelGrid, SliceError> {
+    let header = header_of(manifest);
     (0..manifest.layers).into_par_iter().try_for_each(|layer| {
         control.check()?;
-        header.check_length(&manifest.slice_path(dir, layer)).map(drop)
+        header.check_file(&manifest.slice_path(dir, layer)).map(drop)
     })?;
     let materials = manifest.materials.iter().map(|m| (m.rgba, m.label));
     let colors: BTreeMap<_, _> = materials.chain([(manifest.background, AIR)]).collect();
@@ -44,27 +92,17 @@ pub fn read_stack(dir: &Path, control: &Control) -> Result<(LabelGrid, Manifest)
             padding: layer >= manifest.size[2],
         })
     };
-    let grid = read_layers(manifest.frame()?, manifest.layers, manifest.row_order, open, control)?;
-    let counts = grid.histogram();
-    for m in &manifest.materials {
-        let found = counts[usize::from(m.label)];
-        if found != m.voxels {
-            return Err(SliceError::file(
-                &dir.join(manifest::MANIFEST_FILE),
-                format!("says {} voxels of {:?} and the slices hold {found}; export again", m.voxels, m.name),
-            ));
-        }
-    }
-    Ok((grid, manifest))
+    read_layers(manifest.frame()?, manifest.layers, manifest.row_order, open, control)
 }
 
 /// One image of a stack.
-struct Slice<'a> {
-    image: Image,
-    colors: &'a BTreeMap<[u8; 4], u8>,
-    background: [u8; 4],
+pub(crate) struct Slice<'a> {
+    pub image: Image,
+    /// The label of each colour.
+    pub colors: &'a BTreeMap<[u8; 4], u8>,
+    pub background: [u8; 4],
     /// Lies above the object.
-    padding: bool,
+    pub padding: bool,
 }
 
 impl LayerRows for Slice<'_> {

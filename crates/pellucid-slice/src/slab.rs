@@ -40,12 +40,17 @@ pub(crate) fn read_layers<L: LayerRows>(
             Ok(tiles)
         })
         .collect::<Result<Vec<Vec<Mutex<Tile>>>, SliceError>>()?;
-    let columns = width.div_ceil(TILE as u32) as usize;
-    Ok(LabelGrid::from_tiles(frame, |[x, y, z]| {
+    Ok(grid_of(frame, slabs))
+}
+
+/// The grid of tiles by layers of them, each ordered `[y][x]`.
+pub(crate) fn grid_of(frame: Frame, slabs: Vec<Vec<Mutex<Tile>>>) -> LabelGrid {
+    let columns = frame.size()[0].div_ceil(TILE as u32) as usize;
+    LabelGrid::from_tiles(frame, |[x, y, z]| {
         let tile = &slabs[z as usize][y as usize * columns + x as usize];
         let mut tile = tile.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         std::mem::replace(&mut *tile, Tile::Constant(AIR))
-    }))
+    })
 }
 
 /// Reads up to 16 layers side by side, a band of tiles at a time, into tiles `[y][x]`.

@@ -90,6 +90,7 @@ pub struct PrintTarget {
     pub(crate) row_order: RowOrder,
     pub(crate) background: [u8; 4],
     pub(crate) palette: BTreeMap<String, [u8; 4]>,
+    pub(crate) resins: BTreeMap<String, String>,
 }
 
 impl PrintTarget {
@@ -109,7 +110,7 @@ impl PrintTarget {
         build_space_mm: [f64; 3],
         palette: impl IntoIterator<Item = (N, [u8; 4])>,
     ) -> Result<Self, SliceError> {
-        let palette = unique(name, palette)?;
+        let palette = unique(name, "palette", palette)?;
         Self {
             name: name.to_owned(),
             resolution: Resolution::Pitch(pitch),
@@ -119,6 +120,7 @@ impl PrintTarget {
             row_order: RowOrder::HighestYFirst,
             background: [0; 4],
             palette,
+            resins: BTreeMap::new(),
         }
         .checked()
     }
@@ -180,7 +182,7 @@ impl PrintTarget {
         self.checked()
     }
 
-    /// The same with other materials: the RGBA colour of each by name.
+    /// The same with other materials: the RGBA colour of each by name. Resins of materials that are gone go too.
     ///
     /// # Errors
     /// [`SliceError::Invalid`] as [`PrintTarget::new`].
@@ -188,7 +190,21 @@ impl PrintTarget {
         mut self,
         palette: impl IntoIterator<Item = (N, [u8; 4])>,
     ) -> Result<Self, SliceError> {
-        self.palette = unique(&self.name, palette)?;
+        self.palette = unique(&self.name, "palette", palette)?;
+        self.resins.retain(|material, _| self.palette.contains_key(material));
+        self.checked()
+    }
+
+    /// The same with the printer's own names of its materials: the resin by material. Those without keep their own.
+    ///
+    /// # Errors
+    /// [`SliceError::Invalid`] for a material that the palette has not or that is named twice, and a name that is empty
+    /// or stands for two materials.
+    pub fn with_resins<N: Into<String>>(
+        mut self,
+        resins: impl IntoIterator<Item = (N, String)>,
+    ) -> Result<Self, SliceError> {
+        self.resins = unique(&self.name, "resins", resins)?;
         self.checked()
     }
 
@@ -215,6 +231,7 @@ impl PrintTarget {
             return invalid("min_layers", format!("{} must be at most {}", self.min_layers, Frame::MAX_EDGE));
         }
         self.check_palette()?;
+        self.check_resins()?;
         Ok(self)
     }
 
@@ -238,6 +255,23 @@ impl PrintTarget {
                 ));
             }
             seen.push((material, *color));
+        }
+        Ok(())
+    }
+
+    fn check_resins(&self) -> Result<(), SliceError> {
+        let invalid = |reason: String| Err(invalid(&self.name, "resins", reason));
+        let mut seen = BTreeMap::new();
+        for (material, resin) in &self.resins {
+            if !self.palette.contains_key(material) {
+                return invalid(format!("{material:?} is not in the palette"));
+            }
+            if resin.trim().is_empty() {
+                return invalid(format!("that of {material:?} is empty"));
+            }
+            if let Some(other) = seen.insert(resin, material) {
+                return invalid(format!("{material:?} and {other:?} are both {resin:?}"));
+            }
         }
         Ok(())
     }
@@ -295,23 +329,29 @@ impl PrintTarget {
     pub fn palette(&self) -> &BTreeMap<String, [u8; 4]> {
         &self.palette
     }
+
+    /// The printer's own names of materials, by name, where it has any.
+    pub fn resins(&self) -> &BTreeMap<String, String> {
+        &self.resins
+    }
 }
 
 fn invalid(name: &str, field: &str, reason: impl Into<String>) -> SliceError {
     SliceError::Invalid(Fault::new(format!("printer profile {name:?}, {field}"), reason))
 }
 
-fn unique<N: Into<String>>(
+fn unique<N: Into<String>, T>(
     name: &str,
-    palette: impl IntoIterator<Item = (N, [u8; 4])>,
-) -> Result<BTreeMap<String, [u8; 4]>, SliceError> {
+    field: &str,
+    of_materials: impl IntoIterator<Item = (N, T)>,
+) -> Result<BTreeMap<String, T>, SliceError> {
     let mut unique = BTreeMap::new();
-    for (material, color) in palette {
+    for (material, value) in of_materials {
         let material = material.into();
         if unique.contains_key(&material) {
-            return Err(invalid(name, "palette", format!("{material:?} is named twice")));
+            return Err(invalid(name, field, format!("{material:?} is named twice")));
         }
-        unique.insert(material, color);
+        unique.insert(material, value);
     }
     Ok(unique)
 }
@@ -349,6 +389,9 @@ mod tests {
             (t().with_palette([("a", [1, 1, 1, 255]), ("a", [2, 2, 2, 255])]), "twice"),
             (t().with_palette([("a", [1, 1, 1, 254])]), "opaque"),
             (t().with_palette::<&str>([]), "at least one"),
+            (t().with_resins([("gold", "VeroGold".to_owned())]), "not in the palette"),
+            (t().with_resins([("white", " ".to_owned())]), "empty"),
+            (t().with_resins([("white", "a".to_owned()), ("white", "b".to_owned())]), "named twice"),
             (PrintTarget::new("x", pitch, [0.0, 1.0, 1.0], white), "build_space_mm"),
         ] {
             let error = result.unwrap_err().to_string();

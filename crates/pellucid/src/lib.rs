@@ -40,7 +40,7 @@
 //! | `trace` | the volumetric path tracer | `trace` |
 //! | `predict` | one interface over tracer and network | `predict`, `mc`, `rpnn` |
 //! | `refine` | the loop that rearranges materials, and the judge | `refine` |
-//! | `slice` | print targets and slice stacks | `slice` |
+//! | `slice` | print targets and slices | `slice`; `gcvf`, `nrrd`, `npy` for those containers |
 //! | `proof` | pictures of the print | `proof` |
 //! | `dataset` | procedural volumes and labelled samples | `dataset` |
 //! | `training` | training runs, and a network's errors on labelled sets | `training` |

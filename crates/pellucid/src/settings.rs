@@ -5,7 +5,7 @@ use pellucid_core::InstructionSet;
 use pellucid_mesh::Scale;
 use pellucid_predict::{Correction, NetworkDevice, Sharing};
 use pellucid_refine::{Descent, Effort, RefineSettings, Strategy, SurfaceFirst};
-use pellucid_slice::PrintTarget;
+use pellucid_slice::{Container, PrintTarget};
 use pellucid_voxel::MaterialTable;
 use serde::{Deserialize, Serialize};
 
@@ -107,6 +107,9 @@ pub struct PrintSettings {
     pub scale: Scale,
     /// Printer: pitch, build space, palette.
     pub printer: PrintTarget,
+    /// What slices are written as; those but PNG need the cargo feature of their name.
+    #[serde(skip_serializing_if = "is_png")]
+    pub format: Container,
     /// Print materials, over any channels; one is named `white`.
     pub materials: MaterialTable,
     /// Refractive index of the printed surface; 1 is index-matched.
@@ -157,11 +160,17 @@ pub struct PrintSettings {
     pub proof_edge: u32,
 }
 
+/// Records of PNG stacks do not say so, as before there were others.
+fn is_png(format: &Container) -> bool {
+    *format == Container::Png
+}
+
 impl Default for PrintSettings {
     fn default() -> Self {
         Self {
             scale: Scale::Native,
             printer: PrintTarget::j750(),
+            format: Container::Png,
             materials: MaterialTable::cmykw(),
             refractive_index: 1.5,
             illuminant: Illuminant::default(),

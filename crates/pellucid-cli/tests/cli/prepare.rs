@@ -21,6 +21,7 @@ fn help_names_every_command_and_option() {
         "--settings",
         "--height-mm",
         "--printer",
+        "--format",
         "--materials",
         "--refractive-index",
         "--predictor",
@@ -86,6 +87,44 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
     assert_eq!(fs::read(&manifest).unwrap(), fs::read(again.join("manifest.json")).unwrap());
 }
 
+#[cfg(all(feature = "gcvf", feature = "nrrd", feature = "npy"))]
+#[test]
+fn slices_are_written_in_the_format_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut grids = Vec::new();
+    for (format, file) in [
+        ("png", "slices/slice_00000.png"),
+        ("gcvf", "slices.gcvf"),
+        ("nrrd", "labels.nrrd"),
+        ("npy", "labels.npy"),
+    ] {
+        let out = folder.path().join(format);
+        let printer = ["--printer", "j750-high-quality-vivid"];
+        let done = run(&["coupon", "--out", text(&out), "--format", format, printer[0], printer[1]]);
+        assert!(done.status.success(), "{}", stderr(&done));
+        assert!(out.join(file).metadata().unwrap().len() > 0, "{file}");
+        assert_eq!(fs::read_dir(&out).unwrap().count(), 2);
+        grids.push(pellucid::slice::read_stack(&out, &pellucid::core::Control::none()).unwrap().0);
+    }
+    assert!(grids.iter().all(|grid| *grid == grids[0]));
+
+    // A print in one of them, and its manifest makes it again in the same.
+    let (model, out, again) = (cube(folder.path()), folder.path().join("print"), folder.path().join("again"));
+    let done = run(&quick(text(&model), text(&out), &["--format", "gcvf"]));
+    assert!(done.status.success(), "{}", stderr(&done));
+    let manifest = out.join("manifest.json");
+    let repeated = run(&["prepare", text(&model), "--settings", text(&manifest), "--out", text(&again)]);
+    assert!(repeated.status.success(), "{}", stderr(&repeated));
+    assert_eq!(fs::read(out.join("slices.gcvf")).unwrap(), fs::read(again.join("slices.gcvf")).unwrap());
+
+    // More inks than the printer's mode takes are refused before the model is read.
+    let fast =
+        run(&quick("none.glb", text(&folder.path().join("x")), &["--printer", "j750-high-speed-opaque"]));
+    assert!(!fast.status.success());
+    let message = stderr(&fast);
+    assert!(message.contains("5 are needed") && message.contains("takes 3"), "{message}");
+}
+
 #[test]
 fn arguments_out_of_range_say_what_is_allowed() {
     let cases = [
@@ -98,6 +137,7 @@ fn arguments_out_of_range_say_what_is_allowed() {
         (["--refractive-index", "0.5"], "1 (index-matched) to 3"),
         (["--instruction-set", "sse"], "portable, avx2"),
         (["--device", "tpu"], "cpu, cuda, metal"),
+        (["--format", "tiff"], "png, gcvf, nrrd, npy"),
     ];
     for (option, allowed) in cases {
         let refused = run(&quick("none.glb", "none", &option));

@@ -52,8 +52,8 @@ impl PrintJob {
     /// Checks settings, and that the printer can print the materials.
     ///
     /// # Errors
-    /// [`PrintError`] naming the setting that is out of range, the material that the printer lacks, or what the
-    /// predictor was not made for.
+    /// [`PrintError`] naming the setting that is out of range, the material that the printer lacks, how many it takes, a
+    /// format that cannot be written, or what the predictor was not made for.
     pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
         let white = settings.check()?;
         settings.refine.seed = settings.seed;
@@ -68,6 +68,7 @@ impl PrintJob {
             &settings.materials,
             1..=settings.materials.len() as u8,
         )?;
+        settings.format.check(&settings.printer)?;
         let predictor = predictors::predictor(&settings)?;
         Ok(Self { settings, white, predictor })
     }

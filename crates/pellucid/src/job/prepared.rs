@@ -54,7 +54,7 @@ impl Prepared {
         }
     }
 
-    /// Writes `slices/`, `manifest.json`, `report.json`, `proof.png`, `proof.exr` and `error.png` into the folder `dir`,
+    /// Writes `slices/` (or the file of another format), `manifest.json`, `report.json`, `proof.png`, `proof.exr` and `error.png` into the folder `dir`,
     /// which appears complete or not at all, and returns the report.
     ///
     /// # Errors
@@ -64,6 +64,7 @@ impl Prepared {
         let staged = StagedDir::begin(dir, force, &own_files())?;
         let settings = ExportSettings {
             force,
+            format: self.record.settings.format,
             seed: self.record.settings.seed,
             generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
             settings: Recorded::of(&self.record)?,
