@@ -25,7 +25,7 @@ pub fn cases(control: &Control<'_>) -> Result<Vec<Case>, Error> {
     {
         let mut counts = vec![0; 15];
         sat.counts(low, high, &mut counts);
-        let mut naive = vec![0u64; 16];
+        let mut naive = [0u64; 16];
         for z in low[2]..high[2] {
             for y in low[1]..high[1] {
                 (low[0]..high[0]).for_each(|x| naive[usize::from(noise.at([x, y, z]))] += 1);
