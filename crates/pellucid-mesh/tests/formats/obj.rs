@@ -41,6 +41,7 @@ fn faces_in_every_way_to_write_them() {
         "f 1//1 2//2 3//-1 4//9",
         "vt 0 0\nf 1/1 2/1 3/1 4/-1",
         "vt 0.5\nf 1/1/1 2/1/2 3/1/3 4/1/4 # a comment",
+        "# C:\\models\\\nf 1 2 3 4",
         "s off\ng a b\no c\nf 1 2 \\\n3 4",
         "usemtl nothing\nf 1 2 3 4",
         "fo 1 2 3 4",

@@ -45,6 +45,10 @@ pub(super) fn read(source: &Source, bytes: &[u8]) -> Result<Model, MeshError> {
     };
     let mut lines = text::Lines::new(without_mark(bytes));
     while let Some((number, line)) = lines.next() {
+        // A comment ends with its line, whatever its last character.
+        if line.trim_ascii_start().starts_with(b"#") {
+            continue;
+        }
         let line = joined(line, &mut lines);
         reader.line(number, &line)?;
     }
