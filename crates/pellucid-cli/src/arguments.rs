@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use pellucid::color::space::srgb_decode;
+use pellucid::mesh::{LengthUnit, UpAxis};
 use pellucid::slice::{Container, PrintTarget};
 use pellucid::voxel::MaterialTable;
 
@@ -47,6 +49,29 @@ pub fn format(name: &str) -> Result<Container, String> {
     let known = Container::ALL.map(Container::name).join(", ");
     let found = Container::ALL.into_iter().find(|format| format.name() == name);
     found.ok_or_else(|| format!("a format is one of {known}"))
+}
+
+/// A length unit by its symbol.
+pub fn length_unit(name: &str) -> Result<LengthUnit, String> {
+    let all = || LengthUnit::ALL.map(LengthUnit::name).join(", ");
+    LengthUnit::from_name(name).ok_or_else(|| format!("a unit is one of {}", all()))
+}
+
+/// An axis that points up.
+pub fn up_axis(name: &str) -> Result<UpAxis, String> {
+    match name {
+        "y" => Ok(UpAxis::Y),
+        "z" => Ok(UpAxis::Z),
+        _ => Err("the axis that points up is y or z".to_owned()),
+    }
+}
+
+/// A colour `#rrggbb` of a display, as linear light.
+pub fn color(text: &str) -> Result<[f32; 3], String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let value = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && digits.is_ascii());
+    let [_, rgb @ ..] = value.ok_or("a colour is six hexadecimal digits, rrggbb")?.to_be_bytes();
+    Ok(rgb.map(|byte| srgb_decode(f64::from(byte) / 255.0) as f32))
 }
 
 /// A printer by its name, or its profile's file.

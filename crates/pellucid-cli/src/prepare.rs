@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
-use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
+use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis, import::Format};
 use pellucid::predict::NetworkDevice;
 use pellucid::slice::Container;
 use pellucid::stage::{Observer, Stage};
@@ -25,7 +25,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 #[derive(clap::Args)]
 #[command(args_override_self = true)]
 pub struct Args {
-    /// A glTF 2.0 model: .glb, or .gltf with its files beside it
+    /// A model: glTF 2.0 (.glb, .gltf), OBJ, 3MF, PLY or STL, with its files beside it
     model: PathBuf,
     /// Folder to create: slices, manifest.json, report.json, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
@@ -33,7 +33,16 @@ pub struct Args {
     /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Height of the print in mm; the model's own size (metres) without it
+    /// Length of one unit in the model's file: um, mm, cm, in, ft or m; the format's without it
+    #[arg(long, value_name = "UNIT", value_parser = arguments::length_unit)]
+    unit: Option<LengthUnit>,
+    /// Axis that points up in the model's file, y or z; the format's without it
+    #[arg(long, value_name = "AXIS", value_parser = arguments::up_axis)]
+    up: Option<UpAxis>,
+    /// Colour, rrggbb, of what has none in the model's file, such as all of an STL; white without it
+    #[arg(long, value_name = "RRGGBB", value_parser = arguments::color)]
+    color: Option<[f32; 3]>,
+    /// Height of the print in mm; the model's own size without it
     #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true)]
     height_mm: Option<f64>,
     /// Width of the print in mm, along x, instead of its height
@@ -126,7 +135,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let workspace = workspace(args)?;
 
     let bars = Bars::new();
-    let model = import(&args.model, &bars)?;
+    let model = import(args, earlier.as_ref(), &bars)?;
     if let Some(earlier) = earlier {
         warn_of_another(&model, &earlier);
     }
@@ -218,15 +227,52 @@ fn workspace(args: &Args) -> Result<Workspace, Failure> {
     Ok(workspace)
 }
 
-fn import(file: &Path, bars: &Bars) -> Result<Model, Failure> {
+/// The model, read as the arguments say; without a word of theirs, and if it is the model of an earlier
+/// print, as it was read then.
+fn import(args: &Args, earlier: Option<&Record>, bars: &Bars) -> Result<Model, Failure> {
+    let options = ImportOptions { unit: args.unit, up: args.up, ..ImportOptions::default() };
+    let options = ImportOptions { color: args.color.unwrap_or(options.color), ..options };
     bars.begin(Stage::Import);
-    let imported = import_path(file, &ImportLimits::default());
+    let imported = options.import_path(&args.model).map(|model| as_then(args, earlier, model));
     bars.end(Stage::Import);
     let model = imported?;
+    if let Some(read_as) =
+        model.read_as().filter(|r| args.unit.is_none() && args.up.is_none() && is_silent(r))
+    {
+        terminal::note(format!(
+            "note: {} says nothing of units and axes: one unit is taken as 1 {}, {} as up (--unit, --up)",
+            read_as.format.label(),
+            read_as.unit.name(),
+            read_as.up.name()
+        ));
+    }
     for note in model.notes() {
         terminal::note(format!("note: {}: {}", note.object, note.text));
     }
     Ok(model)
+}
+
+/// Whether files of a format do not say their unit and axes.
+fn is_silent(read_as: &ReadAs) -> bool {
+    !matches!(read_as.format, Format::Gltf | Format::ThreeMf)
+}
+
+/// The model read as an earlier print did, if that makes it the same model and no argument asks for
+/// something else.
+fn as_then(args: &Args, earlier: Option<&Record>, model: Model) -> Model {
+    let asked = args.unit.is_some() || args.up.is_some() || args.color.is_some();
+    let Some((record, then)) = earlier.and_then(|e| Some((&e.model, e.model.read_as?))) else { return model };
+    if asked || model.read_as() == Some(&then) {
+        return model;
+    }
+    let options = ImportOptions {
+        unit: Some(then.unit),
+        up: Some(then.up),
+        color: then.color,
+        ..ImportOptions::default()
+    };
+    let again = options.import_path(&args.model).ok();
+    again.filter(|again| ModelRecord::of(again).digest == record.digest).unwrap_or(model)
 }
 
 fn warn_of_another(model: &Model, earlier: &Record) {

@@ -2,7 +2,7 @@
 //!
 //! | module | owns |
 //! | --- | --- |
-//! | [`import`] | glTF 2.0 files into a [`Model`], within stated limits |
+//! | [`import`] | model files (glTF, OBJ, 3MF, PLY, STL) into a [`Model`], within stated limits |
 //! | [`model`] | the imported mesh: vertices, triangles, base colours |
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
 //! | [`placement`] | how large a model is printed, and where it lies in print space |
@@ -42,7 +42,7 @@ mod weld;
 mod winding;
 
 pub use error::MeshError;
-pub use import::{ImportLimits, import_path, import_slice};
+pub use import::{ImportLimits, ImportOptions, LengthUnit, ReadAs, UpAxis, import_path, import_slice};
 pub use mesh_report::MeshReport;
 pub use model::{BaseColor, Model, Note, Triangle, Vertex};
 pub use placed::PlacedMesh;

@@ -1,6 +1,7 @@
 //! The imported mesh and its colour.
 
 use crate::geometry::{Bounds, has_area};
+use crate::import::ReadAs;
 use crate::{MeshError, Texture};
 
 /// A corner of triangles of one material.
@@ -58,6 +59,7 @@ pub struct Model {
     materials: Vec<BaseColor>,
     textures: Vec<Texture>,
     notes: Vec<Note>,
+    read_as: Option<ReadAs>,
 }
 
 /// Largest coordinate that a model may have, in metres.
@@ -117,7 +119,7 @@ impl Model {
                 return fail(format!("material {i}"), "its colour factor is not finite", "fix the factor");
             }
         }
-        Ok(Self { name, vertices, triangles, materials, textures, notes: Vec::new() })
+        Ok(Self { name, vertices, triangles, materials, textures, notes: Vec::new(), read_as: None })
     }
 
     /// The same model with the triangles alone for which `keep` holds, by index; at least one must.
@@ -131,6 +133,12 @@ impl Model {
     #[must_use]
     pub fn with_notes(self, notes: Vec<Note>) -> Self {
         Self { notes, ..self }
+    }
+
+    /// The same model with how its file was read.
+    #[must_use]
+    pub(crate) fn with_read_as(self, read_as: ReadAs) -> Self {
+        Self { read_as: Some(read_as), ..self }
     }
 
     /// The name of the file it came from.
@@ -161,6 +169,11 @@ impl Model {
     /// What the importer left out or put right.
     pub fn notes(&self) -> &[Note] {
         &self.notes
+    }
+
+    /// How its file was read: format, length unit, up axis; none for a model that was not imported.
+    pub fn read_as(&self) -> Option<&ReadAs> {
+        self.read_as.as_ref()
     }
 
     /// The corners' positions of a triangle in metres.

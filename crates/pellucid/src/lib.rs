@@ -33,7 +33,7 @@
 //! | [`core`](mod@core) | progress, cancellation, error texts, whole files | always |
 //! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always; `ndarray` for its arrays |
 //! | `halftone` | blue-noise masks | `refine` |
-//! | `mesh` | glTF import and voxelisation | `mesh` |
+//! | `mesh` | import (glTF; other formats by features) and voxelisation | `mesh`; `obj`, `ply`, `stl`, `3mf`, `webp` |
 //! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |
 //! | `stencil` | the hierarchical descriptor that the network sees | `stencil` |
 //! | `rpnn` | the network, its trainer and weights | `rpnn`, `weights`, `candle` |

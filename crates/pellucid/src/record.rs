@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pellucid_core::Digest;
-use pellucid_mesh::Model;
+use pellucid_mesh::{Model, ReadAs};
 use pellucid_predict::Identity;
 use pellucid_voxel::{LabelGrid, Tile};
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,9 @@ pub struct ModelRecord {
     /// What import left out or put right.
     #[serde(default)]
     pub notes: Vec<String>,
+    /// How its file was read: format, length unit, up axis; absent for what was not imported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub read_as: Option<ReadAs>,
 }
 
 impl ModelRecord {
@@ -46,6 +49,7 @@ impl ModelRecord {
             name: name.to_string_lossy().into_owned(),
             digest: model.digest().hex(),
             notes: model.notes().iter().map(|n| format!("{}: {}", n.object, n.text)).collect(),
+            read_as: model.read_as().copied(),
         }
     }
 
@@ -59,7 +63,7 @@ impl ModelRecord {
             }
         }
         colors.iter().flatten().for_each(|v| digest.add(&v.to_le_bytes()));
-        Self { name: name.to_owned(), digest: digest.hex(), notes: Vec::new() }
+        Self { name: name.to_owned(), digest: digest.hex(), notes: Vec::new(), read_as: None }
     }
 }
 

@@ -19,6 +19,9 @@ fn help_names_every_command_and_option() {
     for option in [
         "--out",
         "--settings",
+        "--unit",
+        "--up",
+        "--color",
         "--height-mm",
         "--printer",
         "--format",
@@ -126,6 +129,37 @@ fn slices_are_written_in_the_format_that_is_asked_for() {
 }
 
 #[test]
+fn a_model_without_unit_and_colour_is_read_as_asked_and_so_again() {
+    let folder = tempfile::tempdir().unwrap();
+    // A tetrahedron, its edges 0.1 of a unit long.
+    let corners = ["0 0 0", "0.1 0 0", "0 0.1 0", "0 0 0.1"];
+    let facet = |[a, b, c]: [usize; 3]| {
+        let vertex = |i: usize| format!("vertex {}\n", corners[i]);
+        format!("facet normal 0 0 0\nouter loop\n{}{}{}endloop\nendfacet\n", vertex(a), vertex(b), vertex(c))
+    };
+    let facets: String = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]].map(facet).concat();
+    let model = folder.path().join("part.stl");
+    fs::write(&model, format!("solid part\n{facets}endsolid part\n")).unwrap();
+    let (out, again) = (folder.path().join("print"), folder.path().join("again"));
+    let asked = ["--unit", "in", "--up", "y", "--color", "ff0000", "--iterations", "0"];
+    let done = run(&quick(text(&model), text(&out), &asked));
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(!stderr(&done).contains("says nothing of units"), "{}", stderr(&done));
+    let read =
+        |file: &Path| -> serde_json::Value { serde_json::from_slice(&fs::read(file).unwrap()).unwrap() };
+    let expected = serde_json::json!({ "format": "stl", "unit": "in", "up": "y", "color": [1.0, 0.0, 0.0] });
+    let report = read(&out.join("report.json"));
+    assert_eq!(report["record"]["model"]["read_as"], expected);
+    assert!((report["extent_mm"][2].as_f64().unwrap() - 2.54).abs() < 1e-6, "{}", report["extent_mm"]);
+    // The record alone makes it again.
+    let manifest = out.join("manifest.json");
+    let repeated = run(&["prepare", text(&model), "--settings", text(&manifest), "--out", text(&again)]);
+    assert!(repeated.status.success(), "{}", stderr(&repeated));
+    assert!(slices(&out) == slices(&again));
+    assert!(!stderr(&repeated).contains("warning"), "{}", stderr(&repeated));
+}
+
+#[test]
 fn arguments_out_of_range_say_what_is_allowed() {
     let cases = [
         (["--height-mm", "-5"], "0.05 to 10000 mm"),
@@ -138,6 +172,9 @@ fn arguments_out_of_range_say_what_is_allowed() {
         (["--instruction-set", "sse"], "portable, avx2"),
         (["--device", "tpu"], "cpu, cuda, metal"),
         (["--format", "tiff"], "png, gcvf, nrrd, npy"),
+        (["--unit", "yd"], "um, mm, cm, in, ft, m"),
+        (["--up", "x"], "y or z"),
+        (["--color", "red"], "six hexadecimal digits"),
     ];
     for (option, allowed) in cases {
         let refused = run(&quick("none.glb", "none", &option));

@@ -3,20 +3,22 @@
 /// Bounds on what a model may ask for, checked before anything is read or allocated.
 ///
 /// Peak memory of an import is about the size of the files read, 1 KiB a JSON container,
-/// 100 bytes a vertex, 80 bytes a triangle, `texture_bytes`, and 16 bytes a pixel of the largest
+/// 250 bytes a vertex, 80 bytes a triangle, `texture_bytes`, and 16 bytes a pixel of the largest
 /// texture, none of it more than these limits allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct ImportLimits {
-    /// Bytes of the model file, and of all files and data URIs it refers to together. 1 GiB.
+    /// Bytes of the model file, and of all files and data URIs it refers to together, or of all parts of
+    /// a 3MF package that are unpacked. 1 GiB.
     pub file_bytes: u64,
-    /// Objects and arrays in the JSON. 1,048,576.
+    /// Objects and arrays in the JSON of a glTF; objects, components, items and resources of a 3MF, each
+    /// instance counted; materials of an OBJ's libraries. 1,048,576.
     pub json_containers: u64,
     /// Members and elements in the JSON. 16,777,216.
     pub json_values: u64,
-    /// Nodes from a root to its deepest descendant. 1024.
+    /// Nodes of a glTF from a root to its deepest descendant, components of a 3MF within each other. 1024.
     pub node_depth: u32,
-    /// Vertices in the model, each instance of a mesh counted. 33,554,432.
+    /// Vertices in the file, and in the model with each instance of a mesh counted. 33,554,432.
     pub vertices: u64,
     /// Triangles in the model, each instance of a mesh counted. 33,554,432.
     pub triangles: u64,

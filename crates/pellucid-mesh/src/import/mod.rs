@@ -1,65 +1,70 @@
-//! glTF 2.0 import.
+//! Model files into a [`Model`]: one folder a format, all under [`ImportLimits`].
 //!
-//! `.glb`, and `.gltf` with data URIs or files beside it. Read: node transforms, all meshes of the
-//! default scene, triangle lists, strips and fans, every index and attribute type, sparse
-//! accessors, `KHR_mesh_quantization`, base-colour factor, texture and `COLOR_0`,
-//! `KHR_texture_transform`, samplers, the diffuse colour of
-//! `KHR_materials_pbrSpecularGlossiness`, `KHR_node_visibility`, skins at rest, and morph targets
-//! of positions, coordinates and colours at their default weights.
+//! | format | cargo feature | length unit, up axis | colours |
+//! | --- | --- | --- | --- |
+//! | glTF 2.0 (`.glb`, `.gltf`) | - | m, y | base colour, texture, vertex colours |
+//! | OBJ with MTL (`.obj`) | `obj` | mm, y | `map_Kd`, vertex colours, `Kd` |
+//! | 3MF (`.3mf`) | `3mf` | its own, z | base materials, colour groups, textures, their mixtures |
+//! | PLY (`.ply`) | `ply` | mm, z | texture, colours of faces and vertices |
+//! | STL (`.stl`) | `stl` | mm, z | none: [`ImportOptions::color`] |
 //!
-//! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
-//! (prints are opaque), emission (prints do not glow), what a scale of 0 collapses, and inverted
-//! hulls: outlines drawn by a single-sided shell around a body that faces inwards. Without a default
-//! scene the only scene is taken, or else all root nodes. A material's other extensions (gloss, coat)
-//! are ignored.
+//! The format is told by a file's content; its name decides only where the content does not. glTF and
+//! 3MF say how long a unit is and which axis is up. The others do not: STL and OBJ for printing are in
+//! millimetres by habit; what scans and prints stands on the xy plane, while OBJ comes from modelling
+//! programs, which write y up. [`ImportOptions`] says otherwise, and [`Model::read_as`] what was taken.
 //!
-//! Refused with the object and a remedy: Draco and meshopt compression, other required
-//! extensions, textures other than PNG and JPEG, a texture without coordinates, URIs that leave
-//! the model's folder, anything past [`ImportLimits`], and every reference or value out of range.
+//! Refused with the place (line, element, object) and a remedy: file names and URIs that leave the
+//! model's folder, textures other than PNG and JPEG (and WebP with the feature `webp`), numbers that
+//! are not finite, anything past [`ImportLimits`], and every reference or value out of range. What is
+//! left out is [noted](Model::notes).
 
-mod accessor;
-mod buffers;
-mod container;
-mod extensions;
+mod format;
+pub mod gltf;
 mod limits;
-mod materials;
-mod nodes;
+#[cfg(feature = "obj")]
+pub mod obj;
+mod options;
+#[cfg(any(feature = "obj", feature = "ply", feature = "stl", feature = "3mf"))]
+mod parts;
 mod picture;
-mod primitive;
-mod schema;
-mod skin;
+#[cfg(feature = "ply")]
+pub mod ply;
+#[cfg(any(feature = "obj", feature = "ply"))]
+mod polygon;
+mod read_as;
 mod source;
+#[cfg(feature = "stl")]
+pub mod stl;
+#[cfg(any(feature = "obj", feature = "ply", feature = "stl"))]
+mod text;
+#[cfg(feature = "3mf")]
+pub mod threemf;
 mod uri;
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::path::Path;
 
+pub use format::Format;
 pub use limits::ImportLimits;
+pub use options::ImportOptions;
+pub use read_as::{LengthUnit, ReadAs, UpAxis};
 
 use crate::hull::without_hulls;
 use crate::{MeshError, Model};
-use buffers::Buffers;
-use materials::Materials;
-use primitive::{Assembly, Placement};
-use source::{REEXPORT, Source, label};
+use source::Source;
 
-/// Imports a model file; files it refers to must lie in its folder.
+/// Imports a model file with [`ImportOptions`]' defaults; files it refers to must lie in its folder.
 ///
 /// # Errors
-/// [`MeshError::Io`] if a file cannot be read, [`MeshError::Invalid`] if the model breaks glTF's
+/// [`MeshError::Io`] if a file cannot be read, [`MeshError::Invalid`] if the model breaks its format's
 /// rules, [`MeshError::Unsupported`] if it needs something this importer does not handle or
 /// passes a limit.
 pub fn import_path(path: impl AsRef<Path>, limits: &ImportLimits) -> Result<Model, MeshError> {
-    let path = path.as_ref();
-    let name = path.display().to_string();
-    let folder = path.parent();
-    let bytes = uri::read_bounded(&Source::new(&name, folder, limits), "file", path, limits.file_bytes)?;
-    import_slice(&name, &bytes, folder, limits)
+    ImportOptions::from(*limits).import_path(path)
 }
 
-/// Imports a model from memory; `name` is what errors call it, `base_dir` the folder that holds
-/// the files it refers to (none: only data URIs and the GLB's own data are allowed).
+/// Imports a model from memory with [`ImportOptions`]' defaults; `name` is what errors call it,
+/// `base_dir` the folder that holds the files it refers to (none: only data within the model is
+/// allowed).
 ///
 /// # Errors
 /// As [`import_path`].
@@ -92,79 +97,87 @@ pub fn import_slice(
     base_dir: Option<&Path>,
     limits: &ImportLimits,
 ) -> Result<Model, MeshError> {
-    let source = Source::new(name, base_dir, limits);
-    let container = container::open(&source, bytes)?;
-    let root = container::parse(&source, container.json)?;
-    extensions::check_required(&source, &root)?;
-    if !root.animations.is_empty() {
-        source.note("animations", "they are ignored; the model is imported at rest");
-    }
-    let buffers = Buffers::new(&source, &root, container.binary);
-    let model = assemble(&buffers)?;
-    drop(buffers);
-    Ok(model.with_notes(source.into_notes()))
+    ImportOptions::from(*limits).import_slice(name, bytes, base_dir)
 }
 
-fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
-    let (source, root) = (buffers.source(), buffers.root());
-    let nodes = nodes::resolve(source, root)?;
-    let mut materials = Materials::new(buffers);
-    let mut assembly = Assembly::default();
-    let mut skins = BTreeMap::new();
-    for &index in &nodes.in_scene {
-        let node = &root.nodes[index];
-        let Some(mesh_index) = node.mesh else { continue };
-        let Some(mesh) = root.meshes.get(mesh_index) else {
-            return Err(source.invalid(
-                label("node", index, node.name.as_deref()),
-                format!("mesh {mesh_index} does not exist, there are {}", root.meshes.len()),
-                REEXPORT,
+impl ImportOptions {
+    /// Imports a model file; files it refers to must lie in its folder.
+    ///
+    /// # Errors
+    /// As [`import_path`]; [`MeshError::Invalid`] too for a colour outside 0..1.
+    pub fn import_path(&self, path: impl AsRef<Path>) -> Result<Model, MeshError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let folder = path.parent();
+        let source = Source::new(&name, folder, self);
+        let bytes = uri::read_bounded(&source, "file", path, self.limits.file_bytes)?;
+        self.import_slice(&name, &bytes, folder)
+    }
+
+    /// Imports a model from memory, as [`import_slice`] does.
+    ///
+    /// # Errors
+    /// As [`ImportOptions::import_path`].
+    ///
+    /// # Examples
+    /// ```
+    /// use pellucid_mesh::{ImportOptions, import::{LengthUnit, UpAxis}};
+    ///
+    /// let gltf = br#"{
+    ///     "asset": {"version": "2.0"},
+    ///     "nodes": [{"mesh": 0}],
+    ///     "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    ///     "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+    ///     "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    ///     "buffers": [{"byteLength": 36, "uri": "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
+    /// }"#;
+    /// // A file that breaks glTF's rules: written in inches, with z up.
+    /// let options = ImportOptions { unit: Some(LengthUnit::Inch), up: Some(UpAxis::Z), ..Default::default() };
+    /// let model = options.import_slice("triangle.gltf", gltf, None)?;
+    /// assert_eq!(model.corners_m(0)[2], [0.0, 0.0254, 0.0]);
+    /// assert_eq!(model.read_as().unwrap().unit, LengthUnit::Inch);
+    /// # Ok::<(), pellucid_mesh::MeshError>(())
+    /// ```
+    pub fn import_slice(
+        &self,
+        name: &str,
+        bytes: &[u8],
+        base_dir: Option<&Path>,
+    ) -> Result<Model, MeshError> {
+        let source = Source::new(name, base_dir, self);
+        self.check(&source)?;
+        if bytes.len() as u64 > self.limits.file_bytes {
+            return Err(source.unsupported(
+                "file",
+                format!("it has {} bytes, the limit is {}", bytes.len(), self.limits.file_bytes),
+                "simplify the model or raise ImportLimits::file_bytes",
             ));
-        };
-        let joints = match node.skin {
-            Some(skin) => {
-                let matrices = match skins.entry(skin) {
-                    Entry::Occupied(known) => known.into_mut(),
-                    Entry::Vacant(new) => new.insert(skin::joint_matrices(buffers, &nodes, skin)?),
-                };
-                Some(matrices.as_slice())
+        }
+        let format = Format::detect(&source, bytes)?;
+        let model = match format {
+            Format::Gltf => gltf::read(&source, bytes)?,
+            #[cfg(feature = "obj")]
+            Format::Obj => obj::read(&source, bytes)?,
+            #[cfg(feature = "ply")]
+            Format::Ply => ply::read(&source, bytes)?,
+            #[cfg(feature = "stl")]
+            Format::Stl => stl::read(&source, bytes)?,
+            #[cfg(feature = "3mf")]
+            Format::ThreeMf => threemf::read(&source, bytes)?,
+            #[allow(unreachable_patterns, reason = "with every feature there is no other format")]
+            other => {
+                return Err(source.unsupported(
+                    "file",
+                    format!("it is a model of the format {}, which this build leaves out", other.label()),
+                    format!("build pellucid-mesh with its feature `{}`, or give a .glb", other.name()),
+                ));
             }
-            None => None,
         };
-        if joints.is_none() && nodes::collapses(&nodes.world[index]) {
-            let text = "its scale makes it a line or a point, so it is left out";
-            source.note(label("node", index, node.name.as_deref()), text);
-            continue;
-        }
-        let placement = Placement {
-            world: nodes.world[index],
-            weights: node.weights.as_deref().unwrap_or(&mesh.weights),
-            joints,
-        };
-        for (k, primitive) in mesh.primitives.iter().enumerate() {
-            let object = format!("{}, primitive {k}", label("mesh", mesh_index, mesh.name.as_deref()));
-            let material = || materials.resolve(&object, primitive.material);
-            assembly.add(buffers, &object, primitive, &placement, material)?;
-        }
+        note_strays(&source, &model);
+        let (model, notes) = without_hulls(model);
+        notes.into_iter().for_each(|note| source.note(note.object, note.text));
+        Ok(model.with_notes(source.into_notes()))
     }
-    if assembly.triangles.is_empty() {
-        return Err(source.invalid(
-            "model",
-            "its scene has no triangles (points, lines and empty meshes do not count)",
-            "export a mesh with faces",
-        ));
-    }
-    let model = Model::new(
-        source.file,
-        assembly.vertices,
-        assembly.triangles,
-        materials.base_colors,
-        materials.textures,
-    )?;
-    note_strays(source, &model);
-    let (model, notes) = without_hulls(model);
-    notes.into_iter().for_each(|note| source.note(note.object, note.text));
-    Ok(model)
 }
 
 /// Says that triangles without area do not count where they reach beyond the rest.

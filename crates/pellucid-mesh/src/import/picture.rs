@@ -1,43 +1,29 @@
-//! PNG and JPEG decoding within the limits: header first, pixels after.
+//! PNG and JPEG (and, with the feature `webp`, WebP) decoding within the limits: header first, pixels after.
 
 use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
-use super::buffers::Buffers;
-use super::source::{REEXPORT, label, quoted};
+use super::source::{Source, quoted};
 use crate::MeshError;
 use crate::texture::Image;
 
-const PLAIN: &str = "export the model with its textures as PNG or JPEG";
+pub(super) const PLAIN: &str = "export the model with its textures as PNG or JPEG";
 
 /// What a decoder may allocate beside the pixels.
 const DECODER_BYTES: u64 = 64 << 20;
 
-/// Decodes image `index`, charging its size to `budget` (bytes left for all textures).
-pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Result<Image, MeshError> {
-    let (source, root) = (buffers.source(), buffers.root());
-    let Some(image) = root.images.get(index) else {
-        return Err(source.invalid(
-            label("image", index, None),
-            format!("it does not exist, there are {}", root.images.len()),
-            REEXPORT,
-        ));
-    };
-    let object = label("image", index, image.name.as_deref());
-    let loaded;
-    let bytes = match (&image.uri, image.buffer_view) {
-        (Some(uri), _) => {
-            loaded = buffers.load_uri(&object, uri)?;
-            &loaded[..]
-        }
-        (None, Some(view)) => buffers.view(&object, view)?.1,
-        (None, None) => {
-            return Err(source.invalid(object, "it has neither a URI nor a buffer view", PLAIN));
-        }
-    };
+/// Decodes an image that errors call `object`, charging its size to `budget` (bytes left for all
+/// textures).
+pub(super) fn decode(
+    source: &Source,
+    object: &str,
+    bytes: &[u8],
+    budget: &mut u64,
+) -> Result<Image, MeshError> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        Ok(ImageFormat::WebP) if cfg!(feature = "webp") => ImageFormat::WebP,
         other => {
             let reason = match other_format(bytes).or(other.ok().map(|f| f.extensions_str()[0])) {
                 Some(name) => format!("the image is of the format {}", quoted(name)),
@@ -48,7 +34,7 @@ pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Resul
     };
     let limits = source.limits;
     let too_large = |reason: String, field: &str| {
-        source.unsupported(&object, reason, format!("scale the texture down or raise ImportLimits::{field}"))
+        source.unsupported(object, reason, format!("scale the texture down or raise ImportLimits::{field}"))
     };
     let undecodable = |error| match error {
         image::ImageError::Limits(error) => {
@@ -57,7 +43,7 @@ pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Resul
         }
         other => {
             let reason = format!("the image cannot be decoded: {other}");
-            source.invalid(&object, reason, "save it again as PNG or JPEG")
+            source.invalid(object, reason, "save it again as PNG or JPEG")
         }
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);

@@ -1,16 +1,13 @@
 //! What every step of an import shares: the file's name, the limits, and the notes.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 
-use super::ImportLimits;
+use super::{Format, ImportLimits, ImportOptions, LengthUnit, ReadAs};
 use crate::{MeshError, Note};
 
 /// Most notes kept of one import; a file with thousands of odd parts repeats itself.
 const MAX_NOTES: usize = 64;
-
-/// The remedy where only the program that wrote the file can help.
-pub(super) const REEXPORT: &str = "the file is damaged or not valid glTF 2.0; export it again";
 
 /// The model being imported.
 pub(super) struct Source<'a> {
@@ -18,12 +15,29 @@ pub(super) struct Source<'a> {
     /// Folder that relative URIs start from; none for a model given as bytes alone.
     pub folder: Option<&'a Path>,
     pub limits: &'a ImportLimits,
+    pub options: &'a ImportOptions,
+    /// Bytes that other files may still bring in.
+    pub budget: Cell<u64>,
     notes: RefCell<Vec<Note>>,
 }
 
 impl<'a> Source<'a> {
-    pub fn new(file: &'a str, folder: Option<&'a Path>, limits: &'a ImportLimits) -> Self {
-        Self { file, folder, limits, notes: RefCell::default() }
+    pub fn new(file: &'a str, folder: Option<&'a Path>, options: &'a ImportOptions) -> Self {
+        let limits = &options.limits;
+        let budget = Cell::new(limits.file_bytes);
+        Self { file, folder, limits, options, budget, notes: RefCell::default() }
+    }
+
+    /// How a file of this format is read: by the options, or else by its own unit and the format's
+    /// habits.
+    pub fn read_as(&self, format: Format, unit: Option<LengthUnit>) -> ReadAs {
+        let habit = format.habit();
+        ReadAs {
+            format,
+            unit: self.options.unit.or(unit).unwrap_or(habit.unit),
+            up: self.options.up.unwrap_or(habit.up),
+            color: self.options.color,
+        }
     }
 
     pub fn invalid(

@@ -20,15 +20,43 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 
 const RELATIVE: &str = "put the file in the model's folder and refer to it by a relative path";
 
-const PUT_BESIDE: &str = "put the file in the model's folder under that name, or export a .glb";
+const PUT_BESIDE: &str =
+    "put the file in the model's folder under that name, or export a model that holds it";
 
-/// The bytes a URI stands for, at most `budget` of them.
-pub(super) fn load(source: &Source, object: &str, uri: &str, budget: u64) -> Result<Vec<u8>, MeshError> {
-    if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
-        return decode_data(source, object, &uri[5..], budget);
-    }
-    let path = resolve(source, object, uri)?;
-    read_bounded(source, object, &path, budget)
+/// What a reference to a file is, in its format's rules.
+#[derive(Clone, Copy)]
+struct Reference {
+    called: &'static str,
+    /// Percent escapes stand for other characters.
+    escaped: bool,
+}
+
+const URI: Reference = Reference { called: "URI", escaped: true };
+
+#[cfg(any(feature = "obj", feature = "ply"))]
+const FILE_NAME: Reference = Reference { called: "file name", escaped: false };
+
+/// The bytes a URI stands for, charged to what other files may bring in.
+pub(super) fn load(source: &Source, object: &str, uri: &str) -> Result<Vec<u8>, MeshError> {
+    let budget = source.budget.get();
+    let bytes = if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+        decode_data(source, object, &uri[5..], budget)?
+    } else {
+        let path = resolve(source, object, uri, URI)?;
+        read_bounded(source, object, &path, budget)?
+    };
+    source.budget.set(budget.saturating_sub(bytes.len() as u64));
+    Ok(bytes)
+}
+
+/// The bytes of a file beside the model, charged in the same way.
+#[cfg(any(feature = "obj", feature = "ply"))]
+pub(super) fn load_file(source: &Source, object: &str, name: &str) -> Result<Vec<u8>, MeshError> {
+    let budget = source.budget.get();
+    let path = resolve(source, object, name, FILE_NAME)?;
+    let bytes = read_bounded(source, object, &path, budget)?;
+    source.budget.set(budget.saturating_sub(bytes.len() as u64));
+    Ok(bytes)
 }
 
 fn decode_data(source: &Source, object: &str, rest: &str, budget: u64) -> Result<Vec<u8>, MeshError> {
@@ -46,21 +74,25 @@ fn decode_data(source: &Source, object: &str, rest: &str, budget: u64) -> Result
     }
 }
 
-/// The file that a relative URI names, after every symbolic link, inside the model's folder.
+/// The file that a relative URI or file name names, after every symbolic link, inside the model's folder.
 ///
 /// Exporters write names as they are: a `%` that starts no escape is itself, a name whose escapes
 /// name nothing is tried as it stands, and a backslash separates folders on every system.
-fn resolve(source: &Source, object: &str, uri: &str) -> Result<PathBuf, MeshError> {
+fn resolve(source: &Source, object: &str, uri: &str, reference: Reference) -> Result<PathBuf, MeshError> {
+    let Reference { called, escaped } = reference;
     let refused = |reason: &str, remedy: &str| {
-        source.invalid(object, format!("its URI {} {reason}", quoted(uri)), remedy)
+        source.invalid(object, format!("its {called} {} {reason}", quoted(uri)), remedy)
     };
     let Some(folder) = source.folder else {
         return Err(refused("names a file, but the model was given without a folder", RELATIVE));
     };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let io = |e| source.io(format!("{object}, URI {}", quoted(uri)), e, PUT_BESIDE);
+    let io = |e| source.io(format!("{object}, {called} {}", quoted(uri)), e, PUT_BESIDE);
     let root = folder.canonicalize().map_err(io)?;
-    let names = file_names(uri);
+    let mut names = file_names(uri);
+    if !escaped {
+        names.reverse();
+    }
     if names.is_empty() {
         return Err(refused("is not a file name", RELATIVE));
     }
@@ -73,7 +105,7 @@ fn resolve(source: &Source, object: &str, uri: &str) -> Result<PathBuf, MeshErro
             Err(e) => missing = missing.or(Some(e)),
         }
     }
-    if percent_decode(uri).is_none_or(|bytes| String::from_utf8(bytes).is_err()) {
+    if escaped && percent_decode(uri).is_none_or(|bytes| String::from_utf8(bytes).is_err()) {
         let reason = "has a % that is no escape, and no file of that very name is in the model's folder";
         return Err(refused(
             reason,

@@ -1,8 +1,8 @@
 //! Which glTF extensions are read, which may be left out, and which stop the import.
 
 use super::schema::{BufferView, Primitive, Root};
-use super::source::{Source, quoted};
 use crate::MeshError;
+use crate::import::source::{Source, quoted};
 
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
@@ -25,9 +25,12 @@ const HARMLESS: [&str; 11] = [
     "CESIUM_primitive_outline",
 ];
 
-/// Texture formats other than PNG and JPEG, and the remedy of each.
+/// WebP textures, read with the feature `webp`.
+pub(super) const WEBP: &str = "EXT_texture_webp";
+
+/// Texture formats other than PNG and JPEG.
 const TEXTURE_FORMATS: [&str; 5] =
-    ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds", "EXT_texture_astc"];
+    ["KHR_texture_basisu", WEBP, "EXT_texture_avif", "MSFT_texture_dds", "EXT_texture_astc"];
 
 const UNCOMPRESSED: &str =
     "export it without mesh compression, or decompress it, for example with `gltf-transform copy`";

@@ -1,10 +1,10 @@
 //! Bounded random access to accessors: every component type, strides, normalised integers,
 //! sparse values.
 
+use super::REEXPORT;
 use super::buffers::Buffers;
 use super::extensions;
 use super::schema;
-use super::source::REEXPORT;
 use crate::MeshError;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -2,12 +2,13 @@
 
 use glam::DMat4;
 
+use super::REEXPORT;
 use super::accessor::{Accessor, Component, Shape};
 use super::buffers::Buffers;
 use super::nodes::Nodes;
 use super::schema::Primitive;
-use super::source::{REEXPORT, label};
 use crate::MeshError;
+use crate::import::source::label;
 
 const MATRICES: Shape = Shape { kinds: &["MAT4"], components: &[Component::F32], zeros: false };
 const JOINTS: Shape = Shape { kinds: &["VEC4"], components: &[Component::U8, Component::U16], zeros: false };

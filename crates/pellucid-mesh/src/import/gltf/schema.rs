@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use serde_json::Value;
 
 /// Read first, so that another version gives a clear error.
 #[derive(Deserialize)]
@@ -168,7 +169,7 @@ pub(super) struct TextureTransform {
 #[derive(Deserialize)]
 pub(super) struct Texture {
     #[serde(default)]
-    pub extensions: BTreeMap<String, IgnoredAny>,
+    pub extensions: BTreeMap<String, Value>,
     pub name: Option<String>,
     pub sampler: Option<usize>,
     pub source: Option<usize>,

@@ -2,9 +2,10 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
+use super::REEXPORT;
 use super::schema::{Node, Root};
-use super::source::{REEXPORT, Source, label};
 use crate::MeshError;
+use crate::import::source::{Source, label};
 
 /// A checked node tree.
 pub(super) struct Nodes {

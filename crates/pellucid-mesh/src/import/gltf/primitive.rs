@@ -2,13 +2,14 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
+use super::REEXPORT;
 use super::accessor::{Accessor, Component, Shape};
 use super::buffers::Buffers;
 use super::extensions;
 use super::materials::Resolved;
 use super::schema::Primitive;
 use super::skin::Influences;
-use super::source::REEXPORT;
+use crate::import::ReadAs;
 use crate::{MeshError, Triangle, Vertex};
 
 use Component::{F32, I8, I16, U8, U16, U32};
@@ -240,6 +241,7 @@ struct Reader<'b> {
     influences: Option<Influences<'b>>,
     material: Resolved,
     world: DMat4,
+    read_as: ReadAs,
 }
 
 impl<'b> Reader<'b> {
@@ -318,6 +320,7 @@ impl<'b> Reader<'b> {
             influences,
             material,
             world: placement.world,
+            read_as: super::read_as(source),
         })
     }
 
@@ -355,8 +358,7 @@ impl<'b> Reader<'b> {
         if !uv.iter().chain(&color).all(|c| c.is_finite()) {
             return Err(format!("the texture coordinate or colour of vertex {index} is NaN or infinite"));
         }
-        // glTF is y up, print space z up.
-        let position_m = [placed.x, -placed.z, placed.y];
+        let position_m = self.read_as.to_print_m(placed.into());
         Ok((Vertex { position_m, uv, color }, DMat3::from_mat4(transform).determinant() < 0.0))
     }
 }

@@ -1,12 +1,14 @@
 //! The bytes of buffers and buffer views, loaded when first needed.
 
 use std::borrow::Cow;
-use std::cell::{Cell, OnceCell};
+use std::cell::OnceCell;
 
+use super::REEXPORT;
+use super::extensions;
 use super::schema::{BufferView, Root};
-use super::source::{REEXPORT, Source, label};
-use super::{extensions, uri};
 use crate::MeshError;
+use crate::import::source::{Source, label};
+use crate::import::uri;
 
 /// All buffers of a model.
 pub(super) struct Buffers<'a> {
@@ -14,19 +16,11 @@ pub(super) struct Buffers<'a> {
     root: &'a Root,
     binary: Option<&'a [u8]>,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
-    /// Bytes that URIs may still bring in.
-    budget: Cell<u64>,
 }
 
 impl<'a> Buffers<'a> {
     pub fn new(source: &'a Source<'a>, root: &'a Root, binary: Option<&'a [u8]>) -> Self {
-        Self {
-            source,
-            root,
-            binary,
-            loaded: root.buffers.iter().map(|_| OnceCell::new()).collect(),
-            budget: Cell::new(source.limits.file_bytes),
-        }
+        Self { source, root, binary, loaded: root.buffers.iter().map(|_| OnceCell::new()).collect() }
     }
 
     pub fn source(&self) -> &'a Source<'a> {
@@ -39,9 +33,7 @@ impl<'a> Buffers<'a> {
 
     /// The bytes of a URI, counted against the limit on all of them.
     pub fn load_uri(&self, object: &str, uri: &str) -> Result<Vec<u8>, MeshError> {
-        let bytes = uri::load(self.source, object, uri, self.budget.get())?;
-        self.budget.set(self.budget.get().saturating_sub(bytes.len() as u64));
-        Ok(bytes)
+        uri::load(self.source, object, uri)
     }
 
     /// A buffer view and its bytes; `object` is what refers to it.

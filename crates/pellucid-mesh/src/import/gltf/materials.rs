@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::REEXPORT;
 use super::buffers::Buffers;
 use super::schema::{Sampler as SamplerJson, TextureInfo};
-use super::source::{REEXPORT, label};
-use super::{extensions, picture};
+use super::{extensions, images};
+use crate::import::source::label;
 use crate::texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
 use crate::{BaseColor, MeshError};
 
@@ -132,7 +133,9 @@ impl<'b, 'a> Materials<'b, 'a> {
             ));
         };
         let object = format!("{object}, {}", label("texture", index, texture.name.as_deref()));
-        let Some(image) = texture.source else {
+        let webp = texture.extensions.get(extensions::WEBP).and_then(|e| e.get("source")?.as_u64());
+        let webp = webp.map(|source| source as usize);
+        let Some(image) = webp.filter(|_| cfg!(feature = "webp")).or(texture.source) else {
             return Err(extensions::no_plain_source(source, &object, texture.extensions.keys()));
         };
         let sampler = match texture.sampler {
@@ -151,7 +154,7 @@ impl<'b, 'a> Materials<'b, 'a> {
         let image = match self.images.get(&image) {
             Some(decoded) => decoded.clone(),
             None => {
-                let decoded = Arc::new(picture::decode(self.buffers, image, &mut self.texture_budget)?);
+                let decoded = Arc::new(images::decode(self.buffers, image, &mut self.texture_budget)?);
                 self.images.insert(image, decoded.clone());
                 decoded
             }

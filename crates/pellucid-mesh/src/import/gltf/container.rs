@@ -3,8 +3,9 @@
 use serde::Deserialize;
 
 use super::schema::{Header, Root};
-use super::source::{Source, quoted};
 use crate::MeshError;
+use crate::import::format;
+use crate::import::source::{Source, quoted};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const HEADER_BYTES: usize = 12;
@@ -21,23 +22,8 @@ pub(super) struct Container<'a> {
 
 /// Splits a `.glb`, or takes the whole of a `.gltf`.
 pub(super) fn open<'a>(source: &Source, bytes: &'a [u8]) -> Result<Container<'a>, MeshError> {
-    if bytes.len() as u64 > source.limits.file_bytes {
-        return Err(source.unsupported(
-            "file",
-            format!("it has {} bytes, the limit is {}", bytes.len(), source.limits.file_bytes),
-            "simplify the model or raise ImportLimits::file_bytes",
-        ));
-    }
     if !bytes.starts_with(MAGIC) {
-        let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-        if json.iter().find(|b| !b.is_ascii_whitespace()) != Some(&b'{') {
-            return Err(source.invalid(
-                "file",
-                "it is neither a GLB nor glTF JSON",
-                "give a glTF 2.0 model (.glb or .gltf)",
-            ));
-        }
-        return Ok(Container { json, binary: None });
+        return Ok(Container { json: format::without_mark(bytes), binary: None });
     }
     let version = word(bytes, 4).ok_or_else(|| source.invalid("GLB header", "it is cut short", TRUNCATED))?;
     if version != 2 {
