@@ -40,7 +40,10 @@ fn write(grid: &LabelGrid, target: &PrintTarget, format: Container, dir: &Path) 
 }
 
 /// Entries of an archive by name.
-fn entries(path: &Path) -> BTreeMap<String, Vec<u8>> {
+type Entries = BTreeMap<String, Vec<u8>>;
+
+/// All of them.
+fn entries(path: &Path) -> Entries {
     let mut archive = ZipArchive::new(File::open(path).unwrap()).unwrap();
     (0..archive.len())
         .map(|i| {
@@ -53,7 +56,7 @@ fn entries(path: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// An archive of entries, deflated.
-fn pack(path: &Path, entries: &BTreeMap<String, Vec<u8>>) {
+fn pack(path: &Path, entries: &Entries) {
     let mut zip = ZipWriter::new(File::create(path).unwrap());
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
     for (name, bytes) in entries {
@@ -294,7 +297,7 @@ fn what_is_wrong_is_named() {
     write(&grid, &vivid(), Container::Gcvf, &out);
     let path = out.join("slices.gcvf");
     let good = entries(&path);
-    let message = |change: &dyn Fn(&mut BTreeMap<String, Vec<u8>>)| {
+    let message = |change: &dyn Fn(&mut Entries)| {
         let mut changed = good.clone();
         change(&mut changed);
         pack(&path, &changed);

@@ -76,7 +76,7 @@ impl Resolution {
     fn new([x, y, _]: [f64; 3], [.., layer_mm]: [f64; 3]) -> Option<Self> {
         let whole = |value: f64| {
             let near = value.round();
-            (near >= 1.0 && near < 4e9 && (value / near - 1.0).abs() < 1e-9).then_some(near as u32)
+            ((1.0..4e9).contains(&near) && (value / near - 1.0).abs() < 1e-9).then_some(near as u32)
         };
         Some(Self { dpi: [whole(x)?, whole(y)?], layer_nm: whole(1e6 * layer_mm)? })
     }
