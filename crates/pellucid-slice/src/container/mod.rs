@@ -98,6 +98,7 @@ impl Container {
     /// assert!(Container::Png.check(&PrintTarget::j750()).is_ok());
     /// assert_eq!(Container::Npy.check(&PrintTarget::j750()).is_ok(), cfg!(feature = "npy"));
     /// ```
+    #[cfg_attr(not(feature = "gcvf"), allow(unused_variables))]
     pub fn check(self, target: &PrintTarget) -> Result<(), SliceError> {
         match self {
             #[cfg(feature = "gcvf")]
