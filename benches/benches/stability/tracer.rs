@@ -74,7 +74,7 @@ fn solids(glass: Boundary) -> Result<Vec<(String, Solid)>, Error> {
         ("black".to_owned(), cube((2.0, 40.0, 0.4), glass)),
         (
             "100 mm of white".to_owned(),
-            Solid { pitch_mm: [0.25; 3], ..Solid { voxels: [400; 3], ..Solid::of([1.0; 3], WHITE, glass) } },
+            Solid { pitch_mm: [0.25; 3], voxels: [400; 3], ..Solid::of([1.0; 3], WHITE, glass) },
         ),
         (
             "pitch 1 : 100".to_owned(),
@@ -108,7 +108,7 @@ fn solids(glass: Boundary) -> Result<Vec<(String, Solid)>, Error> {
 fn conditioned(name: &str, solid: &Solid, paths: u32, control: &Control<'_>) -> Result<Case, Error> {
     let changed = |part: f64| {
         let rows = solid.rows.iter().map(|&(s, a, g)| (s, a * (1.0 + part), g)).collect();
-        Solid { rows, voxels: solid.voxels, ..*solid }
+        Solid { rows, ..*solid }
     };
     // The same seed: paths differ only where a flight ends elsewhere.
     let [low, high] = [-0.05, 0.05].map(|part| changed(part).exact(1.0, 4 * paths, 3, control));

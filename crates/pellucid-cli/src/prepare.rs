@@ -236,9 +236,10 @@ fn import(args: &Args, earlier: Option<&Record>, bars: &Bars) -> Result<Model, F
     let imported = options.import_path(&args.model).map(|model| as_then(args, earlier, model));
     bars.end(Stage::Import);
     let model = imported?;
-    if let Some(read_as) =
-        model.read_as().filter(|r| args.unit.is_none() && args.up.is_none() && is_silent(r))
-    {
+    // What an earlier print was made with needs no note.
+    let known = |read_as: &ReadAs| earlier.and_then(|e| e.model.read_as) == Some(*read_as);
+    let asked = args.unit.is_some() || args.up.is_some();
+    if let Some(read_as) = model.read_as().filter(|r| !asked && is_silent(r) && !known(r)) {
         terminal::note(format!(
             "note: {} says nothing of units and axes: one unit is taken as 1 {}, {} as up (--unit, --up)",
             read_as.format.label(),

@@ -4,6 +4,9 @@
 #[path = "import/glb.rs"]
 mod glb;
 
+mod common;
+
+use common::Random;
 use glb::*;
 use pellucid_mesh::{ImportLimits, Model, import_slice};
 use rand_core::Rng;
@@ -11,18 +14,6 @@ use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
 
 const MUTANTS: u32 = 24_000;
-
-struct Random(Pcg64Mcg);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        (self.0.next_u64() % n.max(1) as u64) as usize
-    }
-
-    fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
-        &items[self.below(items.len())]
-    }
-}
 
 /// A valid model to damage.
 struct Seed {

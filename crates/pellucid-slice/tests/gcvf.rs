@@ -1,37 +1,26 @@
 //! GCVFs: they come back exactly, hold what the printer's software shows, and hostile ones cost little.
 #![cfg(feature = "gcvf")]
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use common::hashed;
 use pellucid_slice::container::gcvf::{self, Config};
 use pellucid_slice::{
     Container, ExportSettings, Manifest, PrintTarget, RowOrder, SliceError, export, read_stack,
 };
-use pellucid_voxel::{AIR, Control, Frame, LabelGrid, MaterialTable, Pitch, Tile};
+use pellucid_voxel::{AIR, Control, Frame, LabelGrid, MaterialTable, Pitch};
 use proptest::prelude::*;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 /// Files of an archive by name.
 type Entries = BTreeMap<String, Vec<u8>>;
-
-/// A grid of hashed labels above a floor of air, in blobs so that some tiles are constant.
-fn hashed(size: [u32; 3], seed: u64, target: &PrintTarget) -> LabelGrid {
-    let frame = Frame::new([0.1, -7.3, 1.0 / 3.0], target.pitch(), size).unwrap();
-    let mut grid =
-        LabelGrid::from_tiles(frame, |t| Tile::Constant(((u64::from(t[0] + t[1]) + seed) % 6) as u8));
-    let mut state = seed | 1;
-    for _ in 0..size.iter().product::<u32>().min(2000) {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let voxel = std::array::from_fn(|a| (state >> (8 + 17 * a)) as u32 % size[a]);
-        grid.set(voxel, ((state >> 60) % 6) as u8);
-    }
-    grid
-}
 
 fn vivid() -> PrintTarget {
     PrintTarget::by_name("j750-high-quality-vivid").unwrap()

@@ -1,9 +1,12 @@
 //! Export and read-back through the public API.
 
+mod common;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use common::hashed;
 use pellucid_core::staging::StagingError;
 use pellucid_slice::{
     ExportSettings, Manifest, PrintTarget, Recorded, RowOrder, SliceError, check_materials, export,
@@ -11,20 +14,6 @@ use pellucid_slice::{
 };
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Tile};
 use proptest::prelude::*;
-
-/// A grid whose labels are a hash of the voxel and the seed, in blobs so that some tiles are constant.
-fn hashed(size: [u32; 3], seed: u64) -> LabelGrid {
-    let frame = Frame::new([0.1, -7.3, 1.0 / 3.0], PrintTarget::j750().pitch(), size).unwrap();
-    let mut grid =
-        LabelGrid::from_tiles(frame, |t| Tile::Constant(((u64::from(t[0] + t[1]) + seed) % 6) as u8));
-    let mut state = seed | 1;
-    for _ in 0..size.iter().product::<u32>().min(4000) {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let voxel = std::array::from_fn(|a| (state >> (8 + 17 * a)) as u32 % size[a]);
-        grid.set(voxel, ((state >> 60) % 6) as u8);
-    }
-    grid
-}
 
 fn write(grid: &LabelGrid, target: &PrintTarget, dir: &Path) -> Result<Manifest, SliceError> {
     let settings = ExportSettings { seed: u64::MAX, ..Default::default() };
@@ -74,7 +63,7 @@ proptest! {
     ) {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
-        let grid = hashed(size, seed);
+        let grid = hashed(size, seed, &PrintTarget::j750());
         let order = if lowest { "lowest_y_first" } else { "highest_y_first" };
         let target = target(&[("row_order", order.into()), ("min_layers", min_layers.into())]);
         let written = write(&grid, &target, &out).unwrap();
@@ -96,7 +85,7 @@ proptest! {
     ) {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
-        let grid = hashed([37, 21, 31], 5);
+        let grid = hashed([37, 21, 31], 5, &PrintTarget::j750());
         let manifest = write(&grid, &PrintTarget::j750(), &out).unwrap();
         let path = manifest.slice_path(&out, layer as u32);
         let mut bytes = fs::read(&path).unwrap();
@@ -147,7 +136,7 @@ fn images_are_as_seen_from_above_in_palette_colours_with_their_dpi() {
 #[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();
-    let grid = hashed([120, 70, 45], 9);
+    let grid = hashed([120, 70, 45], 9, &PrintTarget::j750());
     let mut stacks = Vec::new();
     for threads in [1, 2, 5] {
         let out = dir.path().join(format!("out{threads}"));
@@ -162,7 +151,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
 fn cancelling_leaves_nothing_and_keeps_what_was_there() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    let grid = hashed([60, 40, 64], 3);
+    let grid = hashed([60, 40, 64], 3, &PrintTarget::j750());
     let run = |force, stop_at: u64| {
         let stop = AtomicBool::new(false);
         let progress = |done: u64, total: u64| {
@@ -192,7 +181,7 @@ fn cancelling_leaves_nothing_and_keeps_what_was_there() {
 fn what_the_printer_cannot_do_is_refused_with_a_remedy() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    let grid = hashed([40, 40, 40], 3);
+    let grid = hashed([40, 40, 40], 3, &PrintTarget::j750());
     let refused = |grid: &LabelGrid, target: &PrintTarget, words: &[&str]| {
         let error = write(grid, target, &out).unwrap_err().to_string();
         assert!(words.iter().all(|w| error.contains(w)), "{error}");
@@ -219,7 +208,8 @@ fn what_the_printer_cannot_do_is_refused_with_a_remedy() {
 fn materials_that_may_be_used_are_checked_before_any_work() {
     let table = MaterialTable::cmykw();
     // Before the halftone all is white, and every printer holds that.
-    let white = LabelGrid::from_tiles(*hashed([9, 9, 9], 1).frame(), |_| Tile::Constant(5));
+    let white =
+        LabelGrid::from_tiles(*hashed([9, 9, 9], 1, &PrintTarget::j750()).frame(), |_| Tile::Constant(5));
     let three = PrintTarget::j750().with_max_materials(3).unwrap();
     assert!(pellucid_slice::check(&white, &table, &three, &ExportSettings::default()).is_ok());
     let error = check_materials(&three, &table, 1..=5).unwrap_err();
@@ -243,7 +233,7 @@ fn materials_that_may_be_used_are_checked_before_any_work() {
 fn files_of_the_user_in_the_output_are_kept() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    let grid = hashed([9, 9, 9], 1);
+    let grid = hashed([9, 9, 9], 1, &PrintTarget::j750());
     write(&grid, &PrintTarget::j750(), &out).unwrap();
     fs::write(out.join("model.glb"), "the input").unwrap();
     let settings = ExportSettings { force: true, ..Default::default() };
@@ -278,7 +268,7 @@ fn all_settings_of_another_program_come_back() {
     let out = dir.path().join("out");
     let settings = ExportSettings { settings: Recorded::of(&job).unwrap(), ..Default::default() };
     export(
-        &hashed([9, 5, 3], 1),
+        &hashed([9, 5, 3], 1, &PrintTarget::j750()),
         &MaterialTable::cmykw(),
         &PrintTarget::j750(),
         &settings,
@@ -296,7 +286,7 @@ fn corrupted_stacks_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let fresh = |name: &str| {
         let out = dir.path().join(name);
-        write(&hashed([40, 20, 10], 3), &PrintTarget::j750(), &out).unwrap();
+        write(&hashed([40, 20, 10], 3, &PrintTarget::j750()), &PrintTarget::j750(), &out).unwrap();
         out
     };
     let message = |out: &Path| read_stack(out, &Control::none()).unwrap_err().to_string();

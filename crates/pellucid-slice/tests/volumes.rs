@@ -1,32 +1,20 @@
 //! Volumes for other tools: they come back exactly, say what is wrong with them, and take no memory on a claim.
 #![cfg(all(feature = "nrrd", feature = "npy"))]
 
+mod common;
+
 use std::fs;
 use std::io::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use common::{ORIGIN, hashed};
 use pellucid_slice::container::{npy, nrrd};
 use pellucid_slice::{Container, ExportSettings, Manifest, PrintTarget, SliceError, export, read_stack};
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Tile};
 use proptest::prelude::*;
 
-const ORIGIN: [f64; 3] = [0.1, -7.3, 1.0 / 3.0];
 const BOTH: [Container; 2] = [Container::Nrrd, Container::Npy];
-
-/// A grid of hashed labels, in blobs so that some tiles are constant.
-fn hashed(size: [u32; 3], seed: u64) -> LabelGrid {
-    let frame = Frame::new(ORIGIN, PrintTarget::j750().pitch(), size).unwrap();
-    let mut grid =
-        LabelGrid::from_tiles(frame, |t| Tile::Constant(((u64::from(t[0] + t[1]) + seed) % 6) as u8));
-    let mut state = seed | 1;
-    for _ in 0..size.iter().product::<u32>().min(2000) {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let voxel = std::array::from_fn(|a| (state >> (8 + 17 * a)) as u32 % size[a]);
-        grid.set(voxel, ((state >> 60) % 6) as u8);
-    }
-    grid
-}
 
 fn write(grid: &LabelGrid, format: Container, dir: &Path, control: &Control) -> Result<Manifest, SliceError> {
     let settings = ExportSettings { format, seed: 5, ..Default::default() };
@@ -46,7 +34,7 @@ proptest! {
     #[test]
     fn volumes_come_back_exactly(size in [1u32..50, 1u32..40, 1u32..40], seed in any::<u64>()) {
         let dir = tempfile::tempdir().unwrap();
-        let grid = hashed(size, seed);
+        let grid = hashed(size, seed, &PrintTarget::j750());
         for format in BOTH {
             let out = dir.path().join(format.name());
             let written = write(&grid, format, &out, &Control::none()).unwrap();
@@ -80,7 +68,7 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
         let format = BOTH[usize::from(nrrd)];
-        write(&hashed([37, 21, 31], 5), format, &out, &Control::none()).unwrap();
+        write(&hashed([37, 21, 31], 5, &PrintTarget::j750()), format, &out, &Control::none()).unwrap();
         let path = out.join(format.files());
         let mut bytes = fs::read(&path).unwrap();
         for (at, value) in edits {
@@ -106,7 +94,7 @@ proptest! {
 #[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();
-    let grid = hashed([120, 70, 45], 9);
+    let grid = hashed([120, 70, 45], 9, &PrintTarget::j750());
     for format in BOTH {
         let files = [1, 3].map(|threads| {
             let out = dir.path().join(format!("{}{threads}", format.name()));
@@ -130,7 +118,7 @@ fn writing_tells_its_progress_and_stops_when_asked() {
             stop.store(done >= 8, Ordering::Relaxed);
         };
         let control = Control::none().with_progress(&progress).with_cancel(&stop);
-        let result = write(&hashed([30, 20, 64], 3), format, &out, &control);
+        let result = write(&hashed([30, 20, 64], 3, &PrintTarget::j750()), format, &out, &control);
         assert!(matches!(result, Err(SliceError::Cancelled)));
         assert!(most.load(Ordering::Relaxed) >= 8);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
@@ -287,12 +275,18 @@ fn a_volume_that_is_not_the_manifests_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     for format in BOTH {
         let [out, other] = ["out", "other"].map(|name| dir.path().join(format!("{name}-{}", format.name())));
-        write(&hashed([20, 10, 30], 1), format, &out, &Control::none()).unwrap();
-        write(&hashed([20, 10, 31], 1), format, &other, &Control::none()).unwrap();
+        write(&hashed([20, 10, 30], 1, &PrintTarget::j750()), format, &out, &Control::none()).unwrap();
+        write(&hashed([20, 10, 31], 1, &PrintTarget::j750()), format, &other, &Control::none()).unwrap();
         fs::copy(other.join(format.files()), out.join(format.files())).unwrap();
         let error = read_stack(&out, &Control::none()).unwrap_err().to_string();
         assert!(error.contains(format.files()) && error.contains("the manifest"), "{error}");
-        write(&hashed([20, 10, 30], 2), format, &dir.path().join("same"), &Control::none()).unwrap();
+        write(
+            &hashed([20, 10, 30], 2, &PrintTarget::j750()),
+            format,
+            &dir.path().join("same"),
+            &Control::none(),
+        )
+        .unwrap();
         fs::rename(dir.path().join("same").join(format.files()), out.join(format.files())).unwrap();
         fs::remove_dir_all(dir.path().join("same")).unwrap();
         let error = read_stack(&out, &Control::none()).unwrap_err().to_string();

@@ -2,7 +2,7 @@
 
 /// Bounds on what a model may ask for, checked before anything is read or allocated.
 ///
-/// Peak memory of an import is about the size of the files read, 1 KiB a JSON container,
+/// Peak memory of an import is about the size of the files read, 1 KiB an item,
 /// 250 bytes a vertex, 80 bytes a triangle, `texture_bytes`, and 16 bytes a pixel of the largest
 /// texture, none of it more than these limits allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,11 +13,11 @@ pub struct ImportLimits {
     pub file_bytes: u64,
     /// Objects and arrays in the JSON of a glTF; objects, components, items and resources of a 3MF, each
     /// instance counted; materials of an OBJ's libraries. 1,048,576.
-    pub json_containers: u64,
+    pub items: u64,
     /// Members and elements in the JSON. 16,777,216.
     pub json_values: u64,
     /// Nodes of a glTF from a root to its deepest descendant, components of a 3MF within each other. 1024.
-    pub node_depth: u32,
+    pub nesting: u32,
     /// Vertices in the file, and in the model with each instance of a mesh counted. 33,554,432.
     pub vertices: u64,
     /// Triangles in the model, each instance of a mesh counted. 33,554,432.
@@ -36,9 +36,9 @@ impl Default for ImportLimits {
     fn default() -> Self {
         Self {
             file_bytes: 1 << 30,
-            json_containers: 1 << 20,
+            items: 1 << 20,
             json_values: 1 << 24,
-            node_depth: 1024,
+            nesting: 1024,
             vertices: 1 << 25,
             triangles: 1 << 25,
             deformations: 1 << 30,

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use crate::common::Random;
 use pellucid_mesh::{ImportLimits, ImportOptions, Model};
-use rand_core::Rng;
 use rand_pcg::Pcg64Mcg;
 
 use crate::scene::*;
@@ -13,9 +13,9 @@ const MUTANTS: u32 = 10_000;
 
 const LIMITS: ImportLimits = ImportLimits {
     file_bytes: 1 << 20,
-    json_containers: 1 << 10,
+    items: 1 << 10,
     json_values: 1 << 20,
-    node_depth: 64,
+    nesting: 64,
     vertices: 100_000,
     triangles: 100_000,
     deformations: 1_000_000,
@@ -23,18 +23,6 @@ const LIMITS: ImportLimits = ImportLimits {
     texture_pixels: 1 << 20,
     texture_bytes: 16 << 20,
 };
-
-struct Random(Pcg64Mcg);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        (self.0.next_u64() % n.max(1) as u64) as usize
-    }
-
-    fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
-        &items[self.below(items.len())]
-    }
-}
 
 /// Words that number readers stumble over.
 const WORDS: [&str; 24] = [

@@ -233,8 +233,7 @@ fn limits() {
     let large = format!("{SQUARE}f {}", "1 2 3 ".repeat(30_000));
     refused(import("a.obj", large.as_bytes(), None), Unsupported, "line 5", "corners");
     let library = folder("newmtl a\nnewmtl b\nnewmtl c\n");
-    let options =
-        pellucid_mesh::ImportOptions::from(ImportLimits { json_containers: 2, ..Default::default() });
+    let options = pellucid_mesh::ImportOptions::from(ImportLimits { items: 2, ..Default::default() });
     let beside = library.path().join("model");
     let many = options.import_slice("a.obj", b"mtllib a library.mtl\n", Some(&beside));
     refused(many, Unsupported, "a library.mtl, line 3", "more than 2 materials");

@@ -253,7 +253,7 @@ fn bombs_are_refused() {
         })
         .collect();
     let xml = model(&("<object id=\"1\"><mesh/></object>".to_owned() + &doubled), "<item objectid=\"59\"/>");
-    let few = ImportLimits { json_containers: 10_000, ..ImportLimits::default() };
+    let few = ImportLimits { items: 10_000, ..ImportLimits::default() };
     refused(limited("a.3mf", &package(&xml, &[]), few), Unsupported, "build", "more than 10000 objects");
     let itself = "<object id=\"1\"><components><component objectid=\"1\"/></components></object>";
     let xml = model(itself, "<item objectid=\"1\"/>");

@@ -355,7 +355,7 @@ fn limits_hold() {
     refused(with_limits(&glb, |l| l.file_bytes = size - 1), Unsupported, "file", "bytes");
     refused(with_limits(&glb, |l| l.vertices = 3), Unsupported, "primitive 0", "3 vertices");
     refused(with_limits(&glb, |l| l.triangles = 1), Unsupported, "primitive 0", "1 triangles");
-    refused(with_limits(&glb, |l| l.json_containers = 5), Unsupported, "JSON", "objects and arrays");
+    refused(with_limits(&glb, |l| l.items = 5), Unsupported, "JSON", "objects and arrays");
     refused(with_limits(&glb, |l| l.json_values = 5), Unsupported, "JSON", "values");
 
     let mut nested = square();
@@ -363,8 +363,8 @@ fn limits_hold() {
         nested.push("nodes", json!({"children": [child]}));
     }
     nested.at("/scenes/0")["nodes"] = json!([20]);
-    with_limits(&nested, |l| l.node_depth = 21).unwrap();
-    refused(with_limits(&nested, |l| l.node_depth = 20), Unsupported, "node 0", "nested deeper than 20");
+    with_limits(&nested, |l| l.nesting = 21).unwrap();
+    refused(with_limits(&nested, |l| l.nesting = 20), Unsupported, "node 0", "nested deeper than 20");
 
     let mut morphed = square();
     let target = morphed.floats(&[[1.0; 3]; 4]);

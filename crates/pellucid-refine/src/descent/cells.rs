@@ -16,6 +16,8 @@ pub(super) struct CellGradient<'a> {
     position: [u8; 256],
     /// `[point][layer][label]`.
     values: Vec<f32>,
+    /// The voxel asked for last, and where its cell's values are: predictors give a voxel's labels one after another.
+    last: Option<([u32; 3], Option<usize>)>,
 }
 
 impl<'a> CellGradient<'a> {
@@ -29,6 +31,7 @@ impl<'a> CellGradient<'a> {
             pitch: setup.problem.object.surface().frame().pitch().mm(),
             position,
             values: vec![0.0; setup.points.len() * setup.layers.count() * labels.len()],
+            last: None,
         }
     }
 
@@ -67,7 +70,12 @@ impl<'a> CellGradient<'a> {
 
 impl MaterialGradient for CellGradient<'_> {
     fn add(&mut self, voxel: [u32; 3], label: u8, derivative: f32) {
-        if let Some(cell) = self.cell(voxel) {
+        let cell = match self.last {
+            Some((last, cell)) if last == voxel => cell,
+            _ => self.cell(voxel),
+        };
+        self.last = Some((voxel, cell));
+        if let Some(cell) = cell {
             self.add_to(cell, label, derivative);
         }
     }

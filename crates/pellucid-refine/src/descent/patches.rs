@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 const EDGE_MM: f64 = 1.0;
 /// Step length at first, in those that a quadratic bound of the loss makes safe if all inks moved at once. What
 /// changes sign within the reach of scattered light, contrast, has far less curvature, and would hardly move.
-const FIRST: f32 = 10.0;
+pub(super) const FIRST: f32 = 10.0;
 /// The shortest step.
-const LEAST: f32 = 0.05;
+pub(super) const LEAST: f32 = 0.05;
 /// How much a step shrinks where the loss rose, and grows again, up to the first, where it did not.
 const SHRINKAGE: f32 = 0.5;
 const GROWTH: f32 = 1.1;

@@ -1,10 +1,12 @@
 //! Rules that turn a derivative into a step.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::state::MOVE;
+use super::patches;
+use super::state::{Cells, DescentState, MOVE};
 
-/// How far descent steps. `docs/results/descent` compares what the rules reach.
+/// How far descent steps; `benches/descent_variants.sh` compares what the rules reach.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -58,6 +60,29 @@ impl Adam {
         let [first, second] = self.corrections;
         -ADAM_STEP * over / first * second.sqrt()
     }
+}
+
+/// The length of the next step by [`StepRule::BarzilaiBorwein`]: over the bound D, with s the last move and y what it did
+/// to the derivative, (s D s) / (s y). Where y says nothing, 1: what the bound calls safe.
+pub(super) fn barzilai_borwein(state: &DescentState, gradient: &[f32], cells: Cells) -> f32 {
+    let row = cells.row();
+    let rows = state.moves.par_chunks_exact(row).zip(state.curvatures.par_chunks_exact(row));
+    let derivatives = gradient.par_chunks_exact(row).zip(state.last_gradient.par_chunks_exact(row));
+    let sums: Vec<[f64; 2]> = rows
+        .zip(derivatives)
+        .map(|((moves, kept), (now, last))| {
+            let mut sums = [0.0; 2];
+            for k in 0..row {
+                let s = f32::from(moves[k]) / MOVE;
+                sums[0] += f64::from(s * s * DescentState::curvature(state.most_curvature, kept[k]));
+                sums[1] += f64::from(s * (now[k] - last[k]));
+            }
+            sums
+        })
+        .collect();
+    let [over, under] = sums.iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    let length = if over > 0.0 && under > 0.0 { (over / under) as f32 } else { 1.0 };
+    length.clamp(patches::LEAST, patches::FIRST)
 }
 
 #[cfg(test)]

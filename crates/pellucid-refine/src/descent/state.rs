@@ -14,9 +14,6 @@ pub(super) const WHOLE: f32 = 65535.0;
 pub(super) const MOVE: f32 = 32767.0;
 /// Curvatures are kept as logarithms, so many levels to a factor of two.
 const LEVELS: f32 = 8.0;
-/// Lengths that [`DescentState::barzilai_borwein`] may give.
-const SHORTEST: f32 = 0.05;
-const LONGEST: f32 = 10.0;
 
 /// State of [`Descent`](super::Descent).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -123,28 +120,6 @@ impl DescentState {
     pub(super) fn level(most: f32, value: f32) -> u8 {
         let below = (most / value.max(f32::MIN_POSITIVE)).log2();
         (LEVELS * below).round().clamp(0.0, 255.0) as u8
-    }
-
-    /// The length of the next step: over the bound D, s the last move and y what it did to the derivative,
-    /// (s D s) / (s y). Where y says nothing, the first step's.
-    pub(super) fn barzilai_borwein(&self, gradient: &[f32], cells: Cells) -> f32 {
-        let row = cells.row();
-        let rows = self.moves.par_chunks_exact(row).zip(self.curvatures.par_chunks_exact(row));
-        let derivatives = gradient.par_chunks_exact(row).zip(self.last_gradient.par_chunks_exact(row));
-        let sums: Vec<[f64; 2]> = rows
-            .zip(derivatives)
-            .map(|((moves, kept), (now, last))| {
-                let mut sums = [0.0; 2];
-                for k in 0..row {
-                    let s = f32::from(moves[k]) / MOVE;
-                    sums[0] += f64::from(s * s * Self::curvature(self.most_curvature, kept[k]));
-                    sums[1] += f64::from(s * (now[k] - last[k]));
-                }
-                sums
-            })
-            .collect();
-        let [over, under] = sums.iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-        if over > 0.0 && under > 0.0 { (over / under) as f32 } else { 1.0 }.clamp(SHORTEST, LONGEST)
     }
 
     /// The bound of the curvature by a cell's ink.

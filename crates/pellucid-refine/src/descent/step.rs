@@ -3,7 +3,7 @@
 use pellucid_core::{Cancelled, Control};
 use rayon::prelude::*;
 
-use super::rule::{Adam, StepRule};
+use super::rule::{Adam, StepRule, barzilai_borwein};
 use super::state::{Cells, DescentState, MOVE, WHOLE};
 use super::{Descent, DescentTools};
 use crate::SurfaceSmoother;
@@ -98,7 +98,7 @@ impl By {
     fn of(descent: &Descent, state: &mut DescentState, gradient: &[f32], cells: Cells) -> Self {
         match descent.rule {
             StepRule::Bound => Self::Patches,
-            StepRule::BarzilaiBorwein => Self::One(state.barzilai_borwein(gradient, cells)),
+            StepRule::BarzilaiBorwein => Self::One(barzilai_borwein(state, gradient, cells)),
             StepRule::Adam => {
                 if state.steps == 0 {
                     // Root mean squares take the curvatures' place, and begin at next to nothing.

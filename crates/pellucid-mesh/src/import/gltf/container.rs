@@ -85,7 +85,7 @@ pub(super) fn parse(source: &Source, json: &[u8]) -> Result<Root, MeshError> {
     // Counted in the raw text, strings included: an upper bound on what parsing allocates.
     let count = |wanted: &[u8]| json.iter().filter(|b| wanted.contains(b)).count() as u64;
     let checks = [
-        (count(b"{["), source.limits.json_containers, "objects and arrays", "json_containers"),
+        (count(b"{["), source.limits.items, "objects and arrays", "items"),
         (count(b",[{"), source.limits.json_values, "values", "json_values"),
     ];
     for (found, limit, what, field) in checks {

@@ -23,11 +23,11 @@ pub(super) fn resolve(source: &Source, root: &Root) -> Result<Nodes, MeshError> 
     let mut stack: Vec<_> = (0..root.nodes.len()).filter(|&n| parents[n].is_none()).map(|n| (n, 1)).collect();
     while let Some((index, depth)) = stack.pop() {
         let node = &root.nodes[index];
-        if depth > source.limits.node_depth {
+        if depth > source.limits.nesting {
             return Err(source.unsupported(
                 name(root, index),
-                format!("it is nested deeper than {} nodes", source.limits.node_depth),
-                "flatten the node tree or raise ImportLimits::node_depth",
+                format!("it is nested deeper than {} nodes", source.limits.nesting),
+                "flatten the node tree or raise ImportLimits::nesting",
             ));
         }
         let above = parents[index].map_or(DMat4::IDENTITY, |p| world[p]);

@@ -52,9 +52,9 @@ impl<'s, 'a> Library<'s, 'a> {
         let mut current: Option<(String, Material)> = None;
         let mut keep = |done: Option<(String, Material)>, line: u64| {
             let Some((name, material)) = done else { return Ok(()) };
-            if materials.len() as u64 >= source.limits.json_containers {
-                let reason = format!("there are more than {} materials", source.limits.json_containers);
-                let remedy = "simplify the model or raise ImportLimits::json_containers";
+            if materials.len() as u64 >= source.limits.items {
+                let reason = format!("there are more than {} materials", source.limits.items);
+                let remedy = "simplify the model or raise ImportLimits::items";
                 return Err(source.unsupported(library.at(line), reason, remedy));
             }
             materials.entry(name).or_insert(material);

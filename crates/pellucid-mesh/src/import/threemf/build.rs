@@ -78,15 +78,14 @@ impl<'s, 'a, 'b> Build<'s, 'a, 'b> {
     ) -> Result<(), MeshError> {
         self.placed += instances.len() as u64;
         let limits = self.source.limits;
-        if self.placed > limits.json_containers {
-            let reason = format!("it places more than {} objects", limits.json_containers);
-            let remedy = "simplify the model or raise ImportLimits::json_containers";
+        if self.placed > limits.items {
+            let reason = format!("it places more than {} objects", limits.items);
+            let remedy = "simplify the model or raise ImportLimits::items";
             return Err(self.source.unsupported("build", reason, remedy));
         }
-        if depth > limits.node_depth {
-            let reason =
-                format!("components nest deeper than {} levels, or hold themselves", limits.node_depth);
-            let remedy = "flatten the components or raise ImportLimits::node_depth";
+        if depth > limits.nesting {
+            let reason = format!("components nest deeper than {} levels, or hold themselves", limits.nesting);
+            let remedy = "flatten the components or raise ImportLimits::nesting";
             return Err(self.source.unsupported("build", reason, remedy));
         }
         for Instance { part: path, object, transform } in instances.iter().rev() {

@@ -106,16 +106,11 @@ impl Reader<'_, '_> {
     /// One more object, component or the like.
     pub fn count_thing(&mut self, object: &str) -> Result<(), MeshError> {
         self.counts.things += 1;
-        if self.counts.things <= self.source.limits.json_containers {
+        if self.counts.things <= self.source.limits.items {
             return Ok(());
         }
-        let reason =
-            format!("there are more than {} objects and resources", self.source.limits.json_containers);
-        Err(self.source.unsupported(
-            object,
-            reason,
-            "simplify the model or raise ImportLimits::json_containers",
-        ))
+        let reason = format!("there are more than {} objects and resources", self.source.limits.items);
+        Err(self.source.unsupported(object, reason, "simplify the model or raise ImportLimits::items"))
     }
 
     fn resource<'i>(
