@@ -25,6 +25,9 @@ struct Args {
     /// Further models with their heights in mm
     #[arg(long, value_name = "FILE=MM")]
     also: Vec<String>,
+    /// Surface voxels that models are scaled to: 250,000 in the full study, 25,000 in the small one
+    #[arg(long, value_name = "N")]
+    surface_voxels: Option<u32>,
     /// Only objects whose name holds this
     #[arg(long, value_name = "TEXT", default_value = "")]
     only: String,
@@ -51,6 +54,8 @@ fn main() -> Result<(), Error> {
     let mut record = Record::now("convergence", rayon::current_num_threads());
     record.add("settings", "the defaults of the library");
     let study = Study::new("convergence", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let usual = if args.study.full { objects::WANTED } else { objects::WANTED_SMALL };
+    let wanted = args.surface_voxels.map_or(usual, f64::from);
     let state = args.state.clone().unwrap_or_else(|| {
         Path::new(env!("CARGO_TARGET_TMPDIR")).join(if args.study.full {
             "convergence-full"
@@ -60,7 +65,7 @@ fn main() -> Result<(), Error> {
     });
     std::fs::create_dir_all(&state)?;
     let mut runs = Vec::new();
-    for subject in objects::all(args.study.full, &args.also)? {
+    for subject in objects::all(args.study.full, wanted, &args.also)? {
         if !subject.name.contains(&args.only) {
             continue;
         }

@@ -8,9 +8,9 @@ use pellucid::{Monitor, PrintJob, PrintSettings};
 use super::Error;
 
 /// Surface voxels that models are scaled to.
-const WANTED: f64 = 250_000.0;
+pub const WANTED: f64 = 250_000.0;
 /// Those of the small study.
-const WANTED_SMALL: f64 = 25_000.0;
+pub const WANTED_SMALL: f64 = 25_000.0;
 /// Height in mm at which the surface is counted, to find the one that has as many as are wanted.
 const PROBE_MM: f64 = 6.0;
 
@@ -29,8 +29,8 @@ enum Size {
     SurfaceVoxels(f64),
 }
 
-/// The models of the repository, and `FILE=MM`s.
-pub fn all(full: bool, also: &[String]) -> Result<Vec<Subject>, Error> {
+/// The models of the repository, scaled to so many surface voxels, and `FILE=MM`s.
+pub fn all(full: bool, wanted: f64, also: &[String]) -> Result<Vec<Subject>, Error> {
     let names: &[&str] = match full {
         true => &["vase-handle", "vase-hollow", "showcase", "bone", "plane", "wedge", "octostar", "tubes"],
         false => &["vase-handle", "showcase"],
@@ -39,8 +39,7 @@ pub fn all(full: bool, also: &[String]) -> Result<Vec<Subject>, Error> {
     let own = names.iter().map(|&name| {
         let size = match (name, full) {
             ("plane" | "wedge", true) => Size::Native,
-            (_, true) => Size::SurfaceVoxels(WANTED),
-            (_, false) => Size::SurfaceVoxels(WANTED_SMALL),
+            _ => Size::SurfaceVoxels(wanted),
         };
         Ok(Subject { name: name.to_owned(), file: folder.join(format!("{name}.glb")), size })
     });

@@ -126,6 +126,8 @@ fn classes(runs: &[Run]) -> Table {
         ">printable L* C h",
         ">surface-first L* C h",
         ">descent L* C h",
+        ">chroma kept",
+        ">L* gained",
         ">dE surface-first",
         ">dE descent",
     ]);
@@ -142,6 +144,8 @@ fn classes(runs: &[Run]) -> Table {
                 colour(&class.printable),
                 colour(&class.shown),
                 colour(&other.shown),
+                format!("{:.2}", other.shown.chroma / class.printable.chroma.min(class.shown.chroma)),
+                format!("{:+.1}", other.shown.lightness - class.shown.lightness),
                 format!("{:.2}", class.mean),
                 format!("{:.2}", other.mean),
             ]);
@@ -169,7 +173,7 @@ pub fn markdown(runs: &[Run]) -> String {
          settings are the library's own for every object.\n\n{}\n\
          ## Descent against surface-first\n\nWhat the first leaves of the second's; the last row is of the sums.\n\n{}\n\
          ## Classes of colours\n\nThose of 3 % of a surface or more; mean L*, chroma and hue at 0.2 mm, mean dE2000 at \
-         0.1 mm.\n\n{}\n\
+         0.1 mm. Chroma kept is descent's by the lower of the other two; L* gained is descent's above surface-first's.\n\n{}\n\
          ## Where the error sits\n\nShares of the mean dE2000 at 0.1 mm to the texture itself.\n\n{}",
         table(runs).markdown(),
         ratios(runs).markdown(),
