@@ -28,7 +28,7 @@ use serde_json::{Value, json};
 const LONG: Duration = Duration::from_secs(4);
 /// About so many points are compared with paths.
 const TRACED: usize = 400;
-const DRAW: Draw = Draw { seed: 3, pass: Pass::Judge(0) };
+const DRAW: Draw = Draw::new(3, Pass::Judge(0));
 
 type Failure = Box<dyn std::error::Error>;
 

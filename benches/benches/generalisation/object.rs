@@ -11,7 +11,7 @@ use super::Error;
 use super::finished::Finished;
 
 /// The networks have no random error: any numbers do.
-const DRAW: Draw = Draw { seed: 0, pass: Pass::Proof };
+const DRAW: Draw = Draw::new(0, Pass::Proof);
 /// Seed of the reference's paths.
 const SEED: u64 = 11;
 

@@ -13,7 +13,7 @@ use pellucid_benches::study::stopwatch::time;
 use super::{Candidate, Error};
 
 /// The network has no random error: any numbers do.
-const DRAW: Draw = Draw { seed: 0, pass: Pass::Proof };
+const DRAW: Draw = Draw::new(0, Pass::Proof);
 
 /// Whether prints let neighbours share coarse levels of a network.
 pub fn shares(candidate: &Candidate) -> bool {

@@ -38,7 +38,7 @@ struct Args {
 
 /// Neighbouring points on which times are taken.
 const TIMED_POINTS: usize = 40_000;
-const DRAW: Draw = Draw { seed: 0, pass: Pass::Loop(0) };
+const DRAW: Draw = Draw::new(0, Pass::Loop(0));
 
 /// A predictor on an object.
 pub struct Row {

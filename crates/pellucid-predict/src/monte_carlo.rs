@@ -186,9 +186,10 @@ impl BoundPredictor for BoundMonteCarlo {
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<Diagnostics, PredictError> {
-        let tracer = self.tracer(points, draw, out.len(), control)?;
+        let spp = self.settings.options.spp.saturating_mul(draw.effort.max(1));
+        let tracer = self.tracer(points, draw, spp, out.len(), control)?;
         tracer.radiance(points, draw.pass.number(), out, control)?;
-        let paths = out.len() as u64 * u64::from(self.settings.options.spp);
+        let paths = out.len() as u64 * u64::from(spp);
         Ok(Diagnostics { paths, ..Diagnostics::default() })
     }
 
@@ -201,7 +202,8 @@ impl BoundPredictor for BoundMonteCarlo {
         out: &mut dyn MaterialGradient,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
-        let tracer = self.tracer(points, draw, d_radiance.len(), control)?;
+        let spp = self.settings.options.spp;
+        let tracer = self.tracer(points, draw, spp, d_radiance.len(), control)?;
         let adjoint = &self.settings.adjoint;
         tracer.pullback(points, draw.pass.number(), d_radiance, adjoint, &mut Handed(out), control)?;
         Ok(())
@@ -209,18 +211,19 @@ impl BoundPredictor for BoundMonteCarlo {
 }
 
 impl BoundMonteCarlo {
-    /// The tracer of a draw, once what it is asked for was checked.
+    /// The tracer of a draw, with so many paths a point and channel, once what it is asked for was checked.
     fn tracer(
         &self,
         points: &[u32],
         draw: Draw,
+        spp: u32,
         values: usize,
         control: &Control<'_>,
     ) -> Result<Tracer<'_>, PredictError> {
         let volume = self.volume.as_ref().filter(|_| self.current).ok_or_else(PredictError::before_update)?;
         self.object.check_points(points, values)?;
         control.check()?;
-        let options = self.settings.trace_options(&self.object, draw.seed)?;
+        let options = TraceOptions { spp, ..self.settings.trace_options(&self.object, draw.seed)? };
         Ok(Tracer::new(volume, self.object.materials(), options)?)
     }
 }

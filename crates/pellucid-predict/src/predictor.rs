@@ -114,12 +114,21 @@ pub struct Draw {
     pub seed: u64,
     /// What the numbers are for.
     pub pass: Pass,
+    /// How many times the samples that a predictor's settings name are drawn in a prediction, at least 1: its variance
+    /// falls in proportion. Gradients, and predictors without random error, take no notice.
+    pub effort: u32,
 }
 
 impl Draw {
-    /// Numbers of a seed and a pass.
-    pub fn new(seed: u64, pass: Pass) -> Self {
-        Self { seed, pass }
+    /// Numbers of a seed and a pass, as many as settings name.
+    pub const fn new(seed: u64, pass: Pass) -> Self {
+        Self { seed, pass, effort: 1 }
+    }
+
+    /// The same with another effort; 0 is taken for 1.
+    pub const fn with_effort(mut self, effort: u32) -> Self {
+        self.effort = if effort == 0 { 1 } else { effort };
+        self
     }
 }
 
@@ -137,6 +146,8 @@ pub enum Pass {
     Trial,
     /// Derivatives in an iteration of a refinement; below 2^30.
     Gradient(u32),
+    /// What an iteration of a refinement predicted, once more, to tell its noise; below 2^30.
+    Repeat(u32),
 }
 
 impl Pass {
@@ -148,6 +159,7 @@ impl Pass {
             Self::Proof => 0x4001_0000,
             Self::Trial => 0x4001_0001,
             Self::Gradient(iteration) => 0x8000_0000 | (iteration & 0x3fff_ffff),
+            Self::Repeat(iteration) => 0xc000_0000 | (iteration & 0x3fff_ffff),
         }
     }
 }

@@ -45,6 +45,22 @@ fn values_are_the_tracers() {
     assert_eq!(Pass::Loop(7).number(), 7);
 }
 
+#[test]
+fn effort_is_more_paths() {
+    let (grid, none) = (grid(), Control::none());
+    let object = object(&grid, 1.5);
+    let values = |spp, effort| {
+        let mut bound = MonteCarlo::new(spp).unwrap().bind(Arc::clone(&object)).unwrap();
+        bound.update(&grid, Changed::Unknown, &none).unwrap();
+        let draw = Draw::new(5, Pass::Loop(3)).with_effort(effort);
+        let (values, seen) = predict_all(&*bound, &object, draw, &none).unwrap();
+        (values, seen.paths)
+    };
+    assert_eq!(values(2, 3), values(6, 1));
+    assert_eq!(values(2, 0), values(2, 1));
+    assert_ne!(values(2, 1).0, values(2, 2).0);
+}
+
 /// What was added, in order.
 #[derive(Default)]
 struct Calls(Vec<([u32; 3], u8, u32)>);

@@ -13,7 +13,7 @@ use pellucid_rpnn::transform::LevelOrder;
 use pellucid_rpnn::variant::Head;
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions, Tile};
 
-const DRAW: Draw = Draw { seed: 0, pass: Pass::Loop(0) };
+const DRAW: Draw = Draw::new(0, Pass::Loop(0));
 
 /// A block of mixed labels with air around it.
 fn block() -> (LabelGrid, Arc<Object>) {

@@ -17,7 +17,7 @@ use pellucid_voxel::{
     Control, Frame, LabelGrid, Material, MaterialTable, Pitch, Surface, SurfaceOptions, Tile,
 };
 
-const DRAW: Draw = Draw { seed: 0, pass: Pass::Loop(0) };
+const DRAW: Draw = Draw::new(0, Pass::Loop(0));
 /// Materials whose amounts are moved.
 const BASE: u8 = 3;
 /// By how much where one voxel is moved: differences stand out of f32 rounding.

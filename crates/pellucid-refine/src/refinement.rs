@@ -252,7 +252,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             (None, Moved::default())
         };
         report.update_seconds = start.elapsed().as_secs_f64();
-        (report.loss, report.step) = (moved.loss, moved.step);
+        (report.loss, report.noise, report.step) = (moved.loss, moved.noise, moved.step);
         // The last that can fail: a pass is taken in once, and what follows completes the step.
         bound.absorb(&diagnostics.learned).map_err(|e| RefineError::predict(iteration, e))?;
         self.memory = bound.memory();
@@ -303,7 +303,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
     }
 
     fn draw(&self, iteration: u32) -> Draw {
-        Draw::new(self.settings.seed, Pass::Loop(iteration))
+        Draw::new(self.settings.seed, Pass::Loop(iteration)).with_effort(self.strategy.effort(&self.state))
     }
 
     fn predict(

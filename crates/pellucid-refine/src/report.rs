@@ -35,6 +35,8 @@ pub struct IterationReport {
     pub update_seconds: f64,
     /// What the strategy lowers, where it says so.
     pub loss: Option<f64>,
+    /// How much of it is the predictor's random error, where that was measured.
+    pub noise: Option<f64>,
     /// Mean change of what it moved next, where it says so.
     pub step: Option<f64>,
 }

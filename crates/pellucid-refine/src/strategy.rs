@@ -71,6 +71,12 @@ pub trait Strategy {
         control: &Control<'_>,
     ) -> Result<Self::Tools, RefineError>;
 
+    /// With what [`Draw::effort`] the labels of a state are predicted: 1 by default.
+    fn effort(&self, state: &Self::State) -> u32 {
+        let _ = state;
+        1
+    }
+
     /// Moves the state by what was predicted of its labels. The state is dropped when it fails.
     ///
     /// # Errors
@@ -90,6 +96,8 @@ pub trait Strategy {
 pub struct Moved {
     /// What the strategy lowers, of the iterate that was seen.
     pub loss: Option<f64>,
+    /// How much of it is the predictor's random error, where that was measured.
+    pub noise: Option<f64>,
     /// Mean change of what it moves.
     pub step: Option<f64>,
     /// Nothing is to be gained by going on: the refinement ends with the iterate that was seen.

@@ -96,12 +96,45 @@ fn a_job_resumed_after_any_step_ends_as_one_that_was_not() {
     }
 }
 
-fn resumed(descent: &Descent, stops: &[u32]) {
+#[test]
+fn noise_of_the_prediction_is_measured_and_kept_small() {
     let slab = keys();
-    let (whole, whole_labels) = run(descent.clone(), 9);
+    let first = |noise: f64| {
+        let (mut labels, mut bound) = (slab.solid.clone(), Blur { noise, ..slab.blur() });
+        let descent = Descent { opening_steps: 0, ..descent() };
+        let refined =
+            refine(&mut labels, slab.problem(), descent, settings(12), &mut bound, &Control::none()).unwrap();
+        (refined.report, bound.efforts.into_inner().unwrap())
+    };
+    let ((clean, usual), (noisy, more)) = (first(0.0), first(0.15));
+    // Without noise it is measured once; the first labels are the same, so that the loss tells what noise adds.
+    let measured = |report: &RefineReport| report.iterations.iter().map(|i| i.noise).collect::<Vec<_>>();
+    assert_eq!(measured(&clean).iter().flatten().collect::<Vec<_>>(), [&0.0]);
+    let loss = |report: &RefineReport| report.iterations[0].loss.unwrap();
+    let (noise, added) = (noisy.iterations[0].noise.unwrap(), loss(&noisy) - loss(&clean));
+    // 40 x 20 x 60 voxels have 8,800 on the surface; smoothed over some 40 of them, that is about 200 independent
+    // squares in three channels, whose mean has a standard error of some 6 %.
+    assert!((noise / added - 1.0).abs() < 0.25, "{noise} {added}");
+    assert!(usual.iter().all(|&e| e == 1), "{usual:?}");
+    assert!(more[0] == 1 && more[1..].iter().all(|&e| e == more[1]) && more[1] > 1, "{more:?}");
+}
+
+fn resumed(descent: &Descent, stops: &[u32]) {
+    resumed_with(descent, stops, 0.0);
+    resumed_with(descent, stops, 0.1);
+}
+
+fn resumed_with(descent: &Descent, stops: &[u32], noise: f64) {
+    let slab = keys();
+    let noisy = || Blur { noise, ..slab.blur() };
+    let (mut whole_labels, mut bound) = (slab.solid.clone(), noisy());
+    let whole =
+        refine(&mut whole_labels, slab.problem(), descent.clone(), settings(9), &mut bound, &Control::none())
+            .unwrap()
+            .report;
     let descent = || descent.clone();
     for &stop in stops {
-        let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+        let (mut labels, mut bound) = (slab.solid.clone(), noisy());
         let mut first = Refinement::new(slab.problem(), descent(), settings(9), &Control::none()).unwrap();
         for _ in 0..stop {
             first.step(&mut labels, &mut bound, &Control::none()).unwrap();
@@ -110,7 +143,7 @@ fn resumed(descent: &Descent, stops: &[u32]) {
         let saved = Saved::<DescentState>::from_bytes(&bytes).unwrap();
         let mut second =
             Refinement::resume(slab.problem(), descent(), settings(9), saved, &Control::none()).unwrap();
-        let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+        let (mut labels, mut bound) = (slab.solid.clone(), noisy());
         while !second.is_finished() {
             second.step(&mut labels, &mut bound, &Control::none()).unwrap();
         }

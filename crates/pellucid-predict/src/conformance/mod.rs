@@ -31,7 +31,7 @@ pub use errors::{cancellation, errors};
 pub use gradients::gradients;
 pub use learning::learning;
 pub use updates::updates;
-pub use values::{draws, order, repetition, shards, threads};
+pub use values::{draws, effort, order, repetition, shards, threads};
 
 /// How a predictor breaks its contract.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +57,7 @@ pub fn check(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
     threads(predictor, case)?;
     order(predictor, case)?;
     draws(predictor, case)?;
+    effort(predictor, case)?;
     updates(predictor, case)?;
     cancellation(predictor, case)?;
     errors(predictor, case)?;
@@ -65,7 +66,7 @@ pub fn check(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
 }
 
 /// The draw of checks that need only one.
-const DRAW: Draw = Draw { seed: 0x5eed, pass: Pass::Loop(2) };
+const DRAW: Draw = Draw::new(0x5eed, Pass::Loop(2));
 
 /// One check on one case.
 struct Trial<'a> {

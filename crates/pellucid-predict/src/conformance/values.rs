@@ -3,6 +3,9 @@
 use super::{Case, DRAW, Trial, Violation};
 use crate::{Draw, Pass, Predictor};
 
+/// Pairs of draws that [`effort`] compares.
+const PAIRS: u32 = 8;
+
 /// A prediction may be repeated: on the same bound predictor, after another one, and on one bound anew.
 ///
 /// # Errors
@@ -125,4 +128,32 @@ pub fn draws(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
         }
     }
     Ok(())
+}
+
+/// More effort makes draws differ less, or changes nothing where errors are not random.
+///
+/// # Errors
+/// [`Violation`] otherwise.
+pub fn effort(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
+    let trial = Trial { check: "effort", predictor, case };
+    let random = trial.worked("supports", predictor.supports(&case.object))?.random;
+    let bound = trial.fresh(&case.labels)?;
+    let values = |part: u32, effort: u32| -> Result<Vec<f32>, Violation> {
+        let draw = Draw::new(3, Pass::Judge(part)).with_effort(effort);
+        Ok(trial.predict(&*bound, &case.points, draw)?.0)
+    };
+    if !random {
+        return trial.same("values of one effort and of another", &values(0, 1)?, &values(0, 8)?);
+    }
+    // The mean square by which two draws differ, over some pairs: a predictor may have few points to tell it from.
+    let spread = |effort: u32| -> Result<f64, Violation> {
+        let mut sum = 0.0;
+        for pair in 0..PAIRS {
+            let (a, b) = (values(2 * pair, effort)?, values(2 * pair + 1, effort)?);
+            sum += a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        }
+        Ok(sum)
+    };
+    let (little, much) = (spread(1)?, spread(8)?);
+    trial.ensure(much < 0.8 * little, format!("the spread of draws went from {little:.3e} to {much:.3e}"))
 }

@@ -71,13 +71,7 @@ impl Scale {
     ) -> Result<(), Cancelled> {
         let smooth = smoother.smooth(shown.to_vec(), control)?;
         let reach = smoother.smooth(reach.to_vec(), control)?;
-        let points = smooth.par_iter().zip(&self.aim).zip(&self.rows);
-        let differences: Vec<[f32; 3]> = points
-            .map(|((&rgb, aim), rows)| {
-                let shown = lab(rgb);
-                weighed(rows, std::array::from_fn(|k| shown[k] - aim[k]))
-            })
-            .collect();
+        let differences = self.differences(&smooth);
         let contrast = low_pass.contrast(differences.iter().map(|d| d[0]).collect(), control)?;
         let points = smooth.par_iter().zip(&reach).zip(&self.rows).zip(&differences).zip(&contrast);
         let each = points.map(|((((&rgb, &reach), rows), &difference), &contrast)| {
@@ -95,6 +89,44 @@ impl Scale {
         add(&mut found.curvature, curvature)
     }
 
+    /// What of the loss of one prediction is its random error, summed over all points, given two of the same labels with
+    /// independent errors: half the loss of their difference. The limit for outliers is left out.
+    pub(super) fn noise(
+        &self,
+        smoother: &SurfaceSmoother,
+        low_pass: &LowPass,
+        shown: [&[[f32; 3]]; 2],
+        control: &Control<'_>,
+    ) -> Result<f64, Cancelled> {
+        let [a, b] = shown;
+        let [a, b] = [smoother.smooth(a.to_vec(), control)?, smoother.smooth(b.to_vec(), control)?];
+        let mut apart = self.differences(&a);
+        let others = self.differences(&b);
+        apart.par_iter_mut().zip(&others).for_each(|(a, b)| (0..3).for_each(|k| a[k] -= b[k]));
+        let contrast = low_pass.contrast(apart.iter().map(|d| d[0]).collect(), control)?;
+        let each = apart.iter().zip(&contrast);
+        let squares = each.map(|(&d, &c)| {
+            let counted = self.counted(d, c);
+            (0..3).map(|k| f64::from(d[k] * counted[k])).sum::<f64>()
+        });
+        Ok(0.5 * f64::from(self.weight) * squares.sum::<f64>())
+    }
+
+    /// Weighed differences of smoothed colours from the aim.
+    fn differences(&self, smooth: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let points = smooth.par_iter().zip(&self.aim).zip(&self.rows);
+        let each = points.map(|((&rgb, aim), rows)| {
+            let shown = lab(rgb);
+            weighed(rows, std::array::from_fn(|k| shown[k] - aim[k]))
+        });
+        each.collect()
+    }
+
+    /// A weighed difference, with its lightness's local contrast counted more.
+    fn counted(&self, [l, a, b]: [f32; 3], contrast: f32) -> [f32; 3] {
+        [l + self.contrast * contrast, a, b]
+    }
+
     /// Loss, gradient, and curvature times reach at one point, given the weighed difference and what of lightness's is
     /// of local contrast. Leaving the mean out is taken for a projection: doing so twice would change nothing.
     fn point(
@@ -106,8 +138,7 @@ impl Scale {
         contrast: f32,
     ) -> (f32, Slopes) {
         let by_rgb = lab_derivative_of_linear_rgb(rgb);
-        let mut counted = difference;
-        counted[0] += self.contrast * contrast;
+        let counted = self.counted(difference, contrast);
         let length = (0..3).map(|k| difference[k] * counted[k]).sum::<f32>().max(0.0).sqrt();
         let (loss, scale) = match length <= HUBER {
             true => (length * length, 1.0),

@@ -2,6 +2,7 @@
 
 mod cells;
 mod loss;
+mod noise;
 mod patches;
 mod rule;
 mod state;
@@ -38,8 +39,8 @@ const LOOK_BACK: usize = 6;
 ///
 /// A few steps of [`SurfaceFirst`] open. Then the state is one mixture a cell (surface voxel and layer), moved by
 /// momentum and a step in proportion to the one that a separable quadratic bound of the loss makes safe (De Pierro 1995),
-/// scaled patch by patch of the surface by whether the last step lowered the loss there. The predictor must have a
-/// gradient.
+/// scaled patch by patch of the surface by whether the last step lowered the loss there. Where much of the loss is the
+/// prediction's noise, as on bright objects with long paths, more paths are traced. The predictor must have a gradient.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Descent {
@@ -157,6 +158,10 @@ impl Strategy for Descent {
         Ok(DescentTools { patches: Patches::new(surface), fine, low_pass, scales })
     }
 
+    fn effort(&self, state: &DescentState) -> u32 {
+        state.effort()
+    }
+
     fn update(
         &self,
         setup: &Setup<'_>,
@@ -192,6 +197,13 @@ impl Descent {
         tools.patches.judge(&mut state.patches, &found.loss);
         let total = found.loss.iter().map(|&l| f64::from(l)).sum::<f64>() / found.loss.len().max(1) as f64;
         state.losses.push(total);
+        let noise = match state.asks_for_noise() {
+            true => Some(tools.noise(setup, seen, control)?),
+            false => None,
+        };
+        if let Some(noise) = noise {
+            state.take_noise(total, noise);
+        }
 
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
         if state.steps == 0 && self.rule != StepRule::Adam {
@@ -202,7 +214,7 @@ impl Descent {
         let gradient = pull(setup, seen, draw, &found.gradient, control)?;
         let moved = step::take(self, Cells::of(setup), state, tools, gradient, control)?;
         state.steps += 1;
-        Ok(Moved { loss: Some(total), step: Some(moved), settled: settled(&state.losses) })
+        Ok(Moved { loss: Some(total), noise, step: Some(moved), settled: settled(&state.losses) })
     }
 }
 

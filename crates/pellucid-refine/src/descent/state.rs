@@ -4,6 +4,7 @@ use pellucid_halftone::Thresholds;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::noise::MOST_DOUBLINGS;
 use super::patches::Patch;
 use crate::problem::MAX_LABELS;
 use crate::{Cell, LayerMixtures, Mixtures, RefineError, Setup, SurfaceFirstState};
@@ -37,8 +38,12 @@ pub struct DescentState {
     /// The last derivatives, where the rule needs them.
     #[serde(with = "crate::packed::floats")]
     pub(super) last_gradient: Vec<f32>,
-    /// The loss of each iterate of descent.
+    /// The loss of each iterate of descent since paths were last doubled.
     pub(super) losses: Vec<f64>,
+    /// How often the paths of predictions were doubled.
+    pub(super) doublings: u8,
+    /// What of the loss was noise when last measured.
+    pub(super) noise: Option<f64>,
 }
 
 /// The layout of cells.
@@ -81,6 +86,9 @@ impl DescentState {
         if self.steps > 0 && self.curvatures.len() != values {
             return invalid("lacks curvatures");
         }
+        if self.doublings > MOST_DOUBLINGS {
+            return invalid("has more paths than it may");
+        }
         if ![0, values].contains(&self.last_gradient.len())
             || !self.last_gradient.iter().all(|d| d.is_finite())
         {
@@ -91,7 +99,7 @@ impl DescentState {
             return invalid("has a mixture of more than its whole");
         }
         let finite = self.most_curvature.is_finite()
-            && self.losses.iter().all(|l| l.is_finite())
+            && self.losses.iter().chain(&self.noise).all(|l| l.is_finite())
             && self.patches.iter().all(|p| p.length.is_finite() && p.loss.is_finite());
         if finite { Ok(()) } else { invalid("a value is not finite") }
     }

@@ -140,6 +140,8 @@ pub struct Blur {
     pub reach: i64,
     /// Values are multiplied by 0 or 2, as few paths do.
     pub few_paths: bool,
+    /// Standard deviation of what is added to values, over the square root of the effort.
+    pub noise: f64,
     /// Adds what all passes absorbed so far learned.
     pub learns: bool,
     /// Fails in this iteration.
@@ -148,6 +150,8 @@ pub struct Blur {
     pub memory: Learned,
     /// Iterations asked for.
     pub asked: Mutex<Vec<u32>>,
+    /// With what effort.
+    pub efforts: Mutex<Vec<u32>>,
 }
 
 impl Blur {
@@ -158,11 +162,13 @@ impl Blur {
             depth: 6.0,
             reach: 3,
             few_paths: false,
+            noise: 0.0,
             learns: false,
             fails_in: None,
             told: Vec::new(),
             memory: Learned::default(),
             asked: Mutex::new(Vec::new()),
+            efforts: Mutex::new(Vec::new()),
         }
     }
 
@@ -234,10 +240,15 @@ impl BoundPredictor for Blur {
     ) -> Result<Diagnostics, PredictError> {
         self.object.check_points(points, out.len())?;
         let labels = self.labels.as_ref().ok_or_else(|| PredictError::invalid("labels", "none yet"))?;
-        let Pass::Loop(iteration) = draw.pass else {
-            return Err(PredictError::invalid("pass", "is not of a loop"));
+        let iteration = match draw.pass {
+            Pass::Loop(iteration) => {
+                self.asked.lock().unwrap().push(iteration);
+                self.efforts.lock().unwrap().push(draw.effort);
+                iteration
+            }
+            Pass::Repeat(iteration) => iteration,
+            _ => return Err(PredictError::invalid("pass", "is not of a loop")),
         };
-        self.asked.lock().unwrap().push(iteration);
         let channels = self.object.channels();
         let learned = 0.02 * self.memory.values.iter().sum::<f64>();
         for (i, (&p, out)) in points.iter().zip(out.chunks_exact_mut(channels)).enumerate() {
@@ -253,6 +264,11 @@ impl BoundPredictor for Blur {
                 if self.few_paths {
                     let domain = Domain::new("few paths").pass(iteration);
                     value *= if uniform(draw.seed, domain, u64::from(p), k as u64) < 0.5 { 2.0 } else { 0.0 };
+                }
+                if self.noise > 0.0 {
+                    let domain = Domain::new("noise").pass(draw.pass.number());
+                    let u = uniform(draw.seed, domain, u64::from(p), k as u64) - 0.5;
+                    value += self.noise * 12.0f64.sqrt() * u / f64::from(draw.effort).sqrt();
                 }
                 *out = (value + learned) as f32;
             }
