@@ -90,12 +90,12 @@ fn refined(subject: &Subject, strategy: StrategyKind, state: &Path) -> Result<Ru
     let report = if kept.exists() {
         serde_json::from_str(&files::read_text_bounded(&kept, 64 << 20)?)?
     } else {
-        let scale = subject.scale()?;
+        let (model, scale) = subject.sized()?;
         let job = PrintJob::new(PrintSettings { scale, strategy, ..PrintSettings::default() })?;
         let workspace = Workspace::resume(&out);
         // One for all stages: it keeps their times.
         let monitor = Monitor::silent();
-        let prepared = job.prepare(&subject.model()?, &workspace, &monitor)?;
+        let prepared = job.prepare(&model, &workspace, &monitor)?;
         let report = prepared.write(&out, false, &monitor)?;
         workspace.finish()?;
         report

@@ -24,7 +24,8 @@ pub struct Subject {
 
 enum Size {
     /// The model's own: thickness decides what thin objects can show.
-    Native,
+    /// So many surface voxels, by its two longer sides: how thick it is decides what it shows.
+    KeepingThickness(f64),
     HeightMm(f64),
     SurfaceVoxels(f64),
 }
@@ -38,7 +39,7 @@ pub fn all(full: bool, wanted: f64, also: &[String]) -> Result<Vec<Subject>, Err
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models");
     let own = names.iter().map(|&name| {
         let size = match (name, full) {
-            ("plane" | "wedge", true) => Size::Native,
+            ("plane" | "wedge", true) => Size::KeepingThickness(wanted),
             _ => Size::SurfaceVoxels(wanted),
         };
         Ok(Subject { name: name.to_owned(), file: folder.join(format!("{name}.glb")), size })
@@ -53,22 +54,41 @@ pub fn all(full: bool, wanted: f64, also: &[String]) -> Result<Vec<Subject>, Err
 }
 
 impl Subject {
-    /// The model.
-    pub fn model(&self) -> Result<Model, Error> {
-        Ok(import_path(&self.file, &ImportLimits::default())?)
-    }
-
-    /// Its size.
-    pub fn scale(&self) -> Result<Scale, Error> {
-        let wanted = match self.size {
-            Size::Native => return Ok(Scale::Native),
-            Size::HeightMm(mm) => return Ok(Scale::HeightMm(mm)),
-            Size::SurfaceVoxels(wanted) => wanted,
-        };
-        let settings = PrintSettings { scale: Scale::HeightMm(PROBE_MM), ..PrintSettings::default() };
-        let placed = PrintJob::new(settings)?.place(&self.model()?, &Monitor::silent())?;
+    /// The model and the size that it is printed in.
+    pub fn sized(&self) -> Result<(Model, Scale), Error> {
+        let model = import_path(&self.file, &ImportLimits::default())?;
         // A surface grows as the square; a round size reads better.
-        let mm = PROBE_MM * (wanted / placed.surface.len() as f64).sqrt();
-        Ok(Scale::HeightMm((2.0 * mm).round() / 2.0))
+        let height =
+            |probe: usize, wanted: f64| (2.0 * PROBE_MM * (wanted / probe as f64).sqrt()).round() / 2.0;
+        Ok(match self.size {
+            Size::HeightMm(mm) => (model, Scale::HeightMm(mm)),
+            Size::SurfaceVoxels(wanted) => {
+                let mm = height(surface_voxels(&model, Scale::HeightMm(PROBE_MM))?, wanted);
+                (model, Scale::HeightMm(mm))
+            }
+            Size::KeepingThickness(wanted) => {
+                let mm = height(surface_voxels(&spread(&model, PROBE_MM)?, Scale::Native)?, wanted);
+                (spread(&model, mm)?, Scale::Native)
+            }
+        })
     }
+}
+
+fn surface_voxels(model: &Model, scale: Scale) -> Result<usize, Error> {
+    let settings = PrintSettings { scale, ..PrintSettings::default() };
+    Ok(PrintJob::new(settings)?.place(model, &Monitor::silent())?.surface.len())
+}
+
+/// A flat model with another height in mm and as much wider, as thick as it was.
+fn spread(model: &Model, height_mm: f64) -> Result<Model, Error> {
+    let [low, high] = model.bounds_m();
+    let extent: [f64; 3] = std::array::from_fn(|a| high[a] - low[a]);
+    let thin = (0..3).min_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
+    let factor = height_mm * 1e-3 / extent[2];
+    let mut vertices = model.vertices().to_vec();
+    for vertex in &mut vertices {
+        (0..3).filter(|&a| a != thin).for_each(|a| vertex.position_m[a] *= factor);
+    }
+    let (triangles, materials) = (model.triangles().to_vec(), model.materials().to_vec());
+    Ok(Model::new(model.name(), vertices, triangles, materials, model.textures().to_vec())?)
 }

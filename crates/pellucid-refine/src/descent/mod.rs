@@ -30,8 +30,10 @@ const FINE_MM: f64 = 0.045;
 const FINE_WEIGHT: f32 = 0.25;
 /// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
 /// before them.
-const SETTLED: f64 = 0.005;
+const SETTLED: f64 = 0.01;
 const LOOK_BACK: usize = 6;
+/// One surface voxel in so many is asked for the bound of the curvature, which is smooth.
+const CURVATURE_EVERY: usize = 4;
 
 /// Gradient descent on a perceptual loss, with the halftone inside the loop: the derivative at the labels is taken for
 /// the one at the mixtures that they were drawn from. The paper of the method (Rittig et al. 2021, section 6) names
@@ -207,14 +209,34 @@ impl Descent {
 
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
         if state.steps == 0 && self.rule != StepRule::Adam {
-            let by_inks = pull(setup, seen, draw, &found.curvature, control)?;
+            let by_inks = self.curvature(setup, tools, seen, draw, &found.curvature, control)?;
             let expected = found.curvature.iter().zip(&reach).map(|(w, s)| dot(w, s)).sum();
             state.take_curvature(setup, &by_inks, expected);
         }
-        let gradient = pull(setup, seen, draw, &found.gradient, control)?;
+        let gradient = pull(setup, seen, draw, &setup.points, &found.gradient, control)?;
         let moved = step::take(self, Cells::of(setup), state, tools, gradient, control)?;
         state.steps += 1;
         Ok(Moved { loss: Some(total), noise, step: Some(moved), settled: settled(&state.losses) })
+    }
+}
+
+impl Descent {
+    /// Bounds of the curvature by inks, but for a factor, from some of the points.
+    fn curvature(
+        &self,
+        setup: &Setup<'_>,
+        tools: &DescentTools,
+        seen: &Seen<'_>,
+        draw: Draw,
+        d_shown: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Vec<f32>, RefineError> {
+        let points: Vec<u32> = setup.points.iter().copied().step_by(CURVATURE_EVERY).collect();
+        let each = points.iter().map(|&p| d_shown[p as usize].map(|d| d * CURVATURE_EVERY as f32));
+        let d_shown: Vec<[f32; 3]> = each.collect();
+        let mut by_inks = pull(setup, seen, draw, &points, &d_shown, control)?;
+        step::smooth(Cells::of(setup), &mut by_inks, &tools.fine, control)?;
+        Ok(by_inks)
     }
 }
 
@@ -234,21 +256,22 @@ impl DescentTools {
     }
 }
 
-/// Derivatives by inks in place of white, `[point][layer][ink]`, given those by shown colours.
+/// Derivatives by inks in place of white, `[point][layer][ink]`, given those by the colours that some points show.
 fn pull(
     setup: &Setup<'_>,
     seen: &Seen<'_>,
     draw: Draw,
+    points: &[u32],
     d_shown: &[[f32; 3]],
     control: &Control<'_>,
 ) -> Result<Vec<f32>, RefineError> {
     let viewing = setup.problem.viewing;
-    let mut d_radiance = vec![0.0; setup.points.len() * viewing.channels()];
+    let mut d_radiance = vec![0.0; points.len() * viewing.channels()];
     let rows = d_radiance.par_chunks_exact_mut(viewing.channels());
     rows.zip(d_shown).for_each(|(d_radiance, &d)| viewing.pullback(d, d_radiance));
     let mut cells = CellGradient::new(setup);
     seen.bound
-        .pullback(&setup.points, draw, &d_radiance, &mut cells, control)
+        .pullback(points, draw, &d_radiance, &mut cells, control)
         .map_err(|e| RefineError::predict(seen.iteration, e))?;
     Ok(cells.by_inks())
 }

@@ -10,7 +10,7 @@ use crate::{RefineError, Seen, Setup};
 /// Steps from one measurement to the next: the loss falls, and noise stays.
 const EVERY: u32 = 10;
 /// The part of the loss that may be noise: steps that follow noise undo one another's gains.
-const PART: f64 = 0.25;
+const PART: f64 = 1.0 / 3.0;
 /// How often paths are doubled at most.
 pub(super) const MOST_DOUBLINGS: u8 = 2;
 
@@ -83,8 +83,8 @@ mod tests {
     }
 
     #[test]
-    fn paths_are_doubled_until_noise_is_a_quarter() {
-        for (doublings, noise, wanted) in [(0, 0.9, 0), (0, 1.1, 1), (0, 2.1, 2), (0, 3.9, 2), (1, 1.1, 2)] {
+    fn paths_are_doubled_until_noise_is_a_third() {
+        for (doublings, noise, wanted) in [(0, 1.4, 0), (0, 1.6, 1), (0, 3.1, 2), (0, 9.0, 2), (1, 1.6, 2)] {
             let mut state = state(doublings);
             state.take_noise(3.0 + noise, noise);
             assert_eq!((state.doublings, state.noise), (wanted, Some(noise)), "{doublings} {noise}");

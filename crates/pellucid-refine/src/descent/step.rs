@@ -113,7 +113,7 @@ impl By {
 }
 
 /// Smooths derivatives over the surface, layer by layer.
-fn smooth(
+pub(super) fn smooth(
     cells: Cells,
     gradient: &mut [f32],
     smoother: &SurfaceSmoother,
