@@ -85,7 +85,7 @@ fn main() -> Result<(), Error> {
 
 /// Refines an object, or reads what an earlier run left.
 fn refined(subject: &Subject, strategy: StrategyKind, state: &Path) -> Result<Run, Error> {
-    let out = state.join(format!("{}-{}", subject.name, strategy.name()));
+    let out = state.join(format!("{}-{}", subject.key(), strategy.name()));
     let kept = out.join("report.json");
     let report = if kept.exists() {
         serde_json::from_str(&files::read_text_bounded(&kept, 64 << 20)?)?

@@ -23,8 +23,7 @@ pub struct Subject {
 }
 
 enum Size {
-    /// The model's own: thickness decides what thin objects can show.
-    /// So many surface voxels, by its two longer sides: how thick it is decides what it shows.
+    /// So many surface voxels, by its two longer sides: thickness decides what thin objects can show.
     KeepingThickness(f64),
     HeightMm(f64),
     SurfaceVoxels(f64),
@@ -54,6 +53,14 @@ pub fn all(full: bool, wanted: f64, also: &[String]) -> Result<Vec<Subject>, Err
 }
 
 impl Subject {
+    /// What tells it from others, sizes too.
+    pub fn key(&self) -> String {
+        match self.size {
+            Size::HeightMm(mm) => format!("{}-{mm}mm", self.name),
+            Size::SurfaceVoxels(wanted) | Size::KeepingThickness(wanted) => format!("{}-{wanted}", self.name),
+        }
+    }
+
     /// The model and the size that it is printed in.
     pub fn sized(&self) -> Result<(Model, Scale), Error> {
         let model = import_path(&self.file, &ImportLimits::default())?;

@@ -218,9 +218,7 @@ impl Descent {
         state.steps += 1;
         Ok(Moved { loss: Some(total), noise, step: Some(moved), settled: settled(&state.losses) })
     }
-}
 
-impl Descent {
     /// Bounds of the curvature by inks, but for a factor, from some of the points.
     fn curvature(
         &self,
