@@ -28,9 +28,9 @@ struct Args {
     /// Surface voxels that models are scaled to: 250,000 in the full study, 25,000 in the small one
     #[arg(long, value_name = "N")]
     surface_voxels: Option<u32>,
-    /// Only objects whose name holds this
-    #[arg(long, value_name = "TEXT", default_value = "")]
-    only: String,
+    /// Only objects whose name holds one of these
+    #[arg(long, value_name = "TEXT", value_delimiter = ',')]
+    only: Vec<String>,
     /// Folder that keeps what was done, prints and proofs among it; in the build folder without it
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
@@ -66,7 +66,7 @@ fn main() -> Result<(), Error> {
     std::fs::create_dir_all(&state)?;
     let mut runs = Vec::new();
     for subject in objects::all(args.study.full, wanted, &args.also)? {
-        if !subject.name.contains(&args.only) {
+        if !args.only.is_empty() && !args.only.iter().any(|text| subject.name.contains(text)) {
             continue;
         }
         for strategy in STRATEGIES {

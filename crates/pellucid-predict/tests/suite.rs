@@ -23,6 +23,7 @@ enum Fault {
     IgnoresTheSeed,
     IgnoresThePass,
     IsSecretlyRandom,
+    IgnoresTheEffort,
     ForgetsTiles,
     TrustsTheFirstTiles,
     TrustsAfterFailure,
@@ -97,6 +98,8 @@ impl BoundMock {
         let seed = if self.fault == Fault::IgnoresTheSeed { 0 } else { draw.seed };
         let pass = if self.fault == Fault::IgnoresThePass { 0 } else { draw.pass.number() };
         let noise = random::uniform(seed, Domain::new("mock").pass(pass), u64::from(point), channel as u64);
+        let effort = if self.fault == Fault::IgnoresTheEffort { 1 } else { draw.effort };
+        let noise = (noise - 0.5) / f64::from(effort).sqrt();
         (bright + 0.1 * noise + wrong + 0.01 * self.memory.sum) as f32
     }
 }
@@ -283,7 +286,7 @@ fn so_does_one_that_another_corrects() {
 #[test]
 fn every_fault_is_found_by_its_check() {
     type Check = fn(&dyn Predictor, &Case) -> Result<(), Violation>;
-    let expected: [(Fault, Check); 29] = [
+    let expected: [(Fault, Check); 30] = [
         (Fault::CountsCalls, conformance::repetition),
         (Fault::KnowsItsCompany, conformance::shards),
         (Fault::KnowsItsThreads, conformance::threads),
@@ -291,6 +294,7 @@ fn every_fault_is_found_by_its_check() {
         (Fault::IgnoresTheSeed, conformance::draws),
         (Fault::IgnoresThePass, conformance::draws),
         (Fault::IsSecretlyRandom, conformance::draws),
+        (Fault::IgnoresTheEffort, conformance::effort),
         (Fault::ForgetsTiles, conformance::updates),
         (Fault::TrustsTheFirstTiles, conformance::updates),
         (Fault::TrustsAfterFailure, conformance::updates),
