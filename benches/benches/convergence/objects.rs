@@ -64,9 +64,9 @@ impl Subject {
     /// The model and the size that it is printed in.
     pub fn sized(&self) -> Result<(Model, Scale), Error> {
         let model = import_path(&self.file, &ImportLimits::default())?;
-        // A surface grows as the square; a round size reads better, and has no fewer than are wanted.
+        // A surface grows as the square; a round size reads better.
         let height =
-            |probe: usize, wanted: f64| (2.0 * PROBE_MM * (wanted / probe as f64).sqrt()).ceil() / 2.0;
+            |probe: usize, wanted: f64| (2.0 * PROBE_MM * (wanted / probe as f64).sqrt()).round() / 2.0;
         Ok(match self.size {
             Size::HeightMm(mm) => (model, Scale::HeightMm(mm)),
             Size::SurfaceVoxels(wanted) => {
