@@ -8,7 +8,7 @@ mod rule;
 mod state;
 mod step;
 
-use pellucid_core::Control;
+use pellucid_core::{Control, Domain, random};
 use pellucid_predict::{Draw, Pass};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,8 @@ const FINE_WEIGHT: f32 = 0.25;
 const SETTLED: f64 = 0.01;
 const LOOK_BACK: usize = 6;
 /// One surface voxel in so many is asked for the bound of the curvature, which is smooth.
-const CURVATURE_EVERY: usize = 4;
+const CURVATURE_EVERY: u64 = 4;
+const CHOICE: Domain = Domain::new("refine: points of the curvature");
 
 /// Gradient descent on a perceptual loss, with the halftone inside the loop: the derivative at the labels is taken for
 /// the one at the mixtures that they were drawn from. The paper of the method (Rittig et al. 2021, section 6) names
@@ -229,7 +230,10 @@ impl Descent {
         d_shown: &[[f32; 3]],
         control: &Control<'_>,
     ) -> Result<Vec<f32>, RefineError> {
-        let points: Vec<u32> = setup.points.iter().copied().step_by(CURVATURE_EVERY).collect();
+        // Chosen by chance: every fourth in a row would see one phase of a pattern.
+        let chosen =
+            |p: &u32| random::hash(setup.seed, CHOICE, u64::from(*p), 0).is_multiple_of(CURVATURE_EVERY);
+        let points: Vec<u32> = setup.points.iter().copied().filter(chosen).collect();
         let each = points.iter().map(|&p| d_shown[p as usize].map(|d| d * CURVATURE_EVERY as f32));
         let d_shown: Vec<[f32; 3]> = each.collect();
         let mut by_inks = pull(setup, seen, draw, &points, &d_shown, control)?;
