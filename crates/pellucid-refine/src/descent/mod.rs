@@ -34,6 +34,8 @@ const SETTLED: f64 = 0.01;
 const LOOK_BACK: usize = 6;
 /// One surface voxel in so many is asked for the bound of the curvature, which is smooth.
 const CURVATURE_EVERY: u64 = 4;
+/// Of a surface of fewer, all are asked: chance might leave out whole parts of it.
+const CURVATURE_ALL: usize = 4096;
 const CHOICE: Domain = Domain::new("refine: points of the curvature");
 
 /// Gradient descent on a perceptual loss, with the halftone inside the loop: the derivative at the labels is taken for
@@ -230,11 +232,11 @@ impl Descent {
         d_shown: &[[f32; 3]],
         control: &Control<'_>,
     ) -> Result<Vec<f32>, RefineError> {
+        let every = if setup.points.len() < CURVATURE_ALL { 1 } else { CURVATURE_EVERY };
         // Chosen by chance: every fourth in a row would see one phase of a pattern.
-        let chosen =
-            |p: &u32| random::hash(setup.seed, CHOICE, u64::from(*p), 0).is_multiple_of(CURVATURE_EVERY);
+        let chosen = |p: &u32| random::hash(setup.seed, CHOICE, u64::from(*p), 0).is_multiple_of(every);
         let points: Vec<u32> = setup.points.iter().copied().filter(chosen).collect();
-        let each = points.iter().map(|&p| d_shown[p as usize].map(|d| d * CURVATURE_EVERY as f32));
+        let each = points.iter().map(|&p| d_shown[p as usize].map(|d| d * every as f32));
         let d_shown: Vec<[f32; 3]> = each.collect();
         let mut by_inks = pull(setup, seen, draw, &points, &d_shown, control)?;
         step::smooth(Cells::of(setup), &mut by_inks, &tools.fine, control)?;
