@@ -57,7 +57,7 @@ fn labels_of_a_small_job_by_descent_stay_as_they_are() {
     });
     assert_eq!(
         digests,
-        [10_201_966_626_067_112_231, 466_581_074_447_902_882],
+        [10_201_966_626_067_112_231, 6_833_213_806_126_153_611],
         "unrefined and refined labels"
     );
 }
