@@ -43,7 +43,7 @@ impl DenseSat {
     }
 
     /// Sum over a box cut to the grid: eight look-ups.
-    fn sum(&self, low: [i64; 3], high: [i64; 3]) -> f64 {
+    pub fn sum(&self, low: [i64; 3], high: [i64; 3]) -> f64 {
         let (nz, ny, nx) = self.sums.dim();
         let clip = |v: i64, n: usize| v.clamp(0, n as i64 - 1) as usize;
         let ([x0, y0, z0], [x1, y1, z1]) = (low, high);

@@ -6,11 +6,13 @@
 //! | [`dense`] | the dense tables that summed-area tables are compared with |
 //! | [`appearance`] | colour differences, times of stencils, false colours |
 //! | [`solids`] | halftoned solids of the studies |
+//! | [`judged`] | objects with traced reference radiances |
 //! | [`study`] | settings, records, tables and plots of the studies |
 #![forbid(unsafe_code)]
 
 pub mod appearance;
 pub mod dense;
+pub mod judged;
 pub mod solids;
 pub mod study;
 pub mod volumes;

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Parser;
-use objects::Judged;
 use pellucid::predict::{Changed, Draw, Network, Pass, Predictor, Sharing};
 use pellucid::rpnn::{Precision, TrainedNetwork};
 use pellucid::trace::{AssistOptions, Boundary, TraceOptions, Tracer, Volume};
-use pellucid::voxel::{Control, near_order};
+use pellucid::voxel::Control;
+use pellucid_benches::judged::Judged;
 use pellucid_benches::study::stopwatch::time;
 use pellucid_benches::study::{Record, Study, StudySettings};
 
@@ -190,7 +190,7 @@ fn on_object(
     bound.predict(&object.points, DRAW, &mut out, control)?;
     let mut score = pellucid::core::NoisyScore::default();
     object.compare(&out, &mut score);
-    let near = object.near();
+    let near = object.near(TIMED_POINTS);
     let mut out = vec![0.0; near.len() * object.object.channels()];
     let (_, spent) = time(|| -> Result<_, Error> {
         // Nothing changed, but outputs that were kept are forgotten.
@@ -210,7 +210,7 @@ fn on_object(
 fn traced(object: &Judged, rows: &mut Vec<Row>, control: &Control<'_>) -> Result<(), Error> {
     let volume = Volume::new(&object.labels, object.object.surface(), control)?;
     let boundary = Boundary::with_index(object.object.refractive_index())?;
-    let near = object.near();
+    let near = object.near(TIMED_POINTS);
     let channels = object.object.channels();
     for spp in [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024] {
         let options = TraceOptions { spp, seed: 5, boundary, ..TraceOptions::default() };
@@ -246,15 +246,6 @@ fn traced(object: &Judged, rows: &mut Vec<Row>, control: &Control<'_>) -> Result
         });
     }
     Ok(())
-}
-
-impl Judged {
-    /// Neighbouring points, the judged ones among them.
-    fn near(&self) -> Vec<u32> {
-        let surface = self.object.surface();
-        let order = near_order(surface.voxels());
-        order[..order.len().min(TIMED_POINTS)].to_vec()
-    }
 }
 
 /// The folder of the project's models.

@@ -3,85 +3,26 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use pellucid::core::NoisyScore;
 use pellucid::dataset::{LabelledSet, Recipe, Sampler, SetHeader, Shard, generate};
 use pellucid::mesh::{ImportLimits, Scale, import_path};
 use pellucid::predict::Object;
-use pellucid::trace::{Boundary, ErrorTarget, TraceOptions, Tracer, Volume};
-use pellucid::voxel::{Control, LabelGrid, MaterialTable, Surface, SurfaceOptions, near_order};
+use pellucid::trace::Boundary;
+use pellucid::voxel::{Control, LabelGrid, MaterialTable, Surface, SurfaceOptions};
 use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
+use pellucid_benches::judged::Judged;
 use pellucid_benches::solids::ball;
 
 use super::{Error, TIMED_POINTS, models};
 
-const INDEX: f64 = 1.5;
 /// Name of the test set's volumes together.
 pub const HELD_OUT: &str = "held-out volumes";
 /// Points of an object whose radiance is traced for comparison.
 const POINTS: usize = 1500;
-const STD_ERROR: f32 = 0.003;
-const MOST_PATHS: u32 = 65_536;
 /// Held-out volumes of the small study, and their points.
 const SMALL_VOLUMES: u32 = 24;
 const SMALL_POINTS: u32 = 48;
 /// Models whose refined labels are judged, and the height in mm at which they are printed.
 const MODELS: [(&str, f64); 3] = [("vase-handle", 18.0), ("octostar", 14.0), ("tubes", 14.0)];
-
-/// An object with reference radiances at some points.
-pub struct Judged {
-    pub name: String,
-    pub object: Arc<Object>,
-    pub labels: LabelGrid,
-    pub points: Vec<u32>,
-    /// `[point][channel]`.
-    pub radiance: Vec<f32>,
-    pub std_error: Vec<f32>,
-}
-
-impl Judged {
-    /// Adds the errors of radiances at the judged points.
-    pub fn compare(&self, predicted: &[f32], score: &mut NoisyScore) {
-        for ((p, r), e) in predicted.iter().zip(&self.radiance).zip(&self.std_error) {
-            score.add_difference(f64::from(p - r), f64::from(*e).powi(2));
-        }
-    }
-
-    /// Adds the errors of the judged points among `points`, whose radiance is `predicted`.
-    pub fn compare_within(&self, points: &[u32], predicted: &[f32], score: &mut NoisyScore) {
-        let channels = self.object.channels();
-        let mut place = vec![u32::MAX; self.object.surface().len()];
-        (0..).zip(points).for_each(|(i, &p)| place[p as usize] = i);
-        for (i, &point) in self.points.iter().enumerate() {
-            let at = place[point as usize];
-            if at == u32::MAX {
-                continue;
-            }
-            for c in 0..channels {
-                let (predicted, own) = (predicted[at as usize * channels + c], i * channels + c);
-                let variance = f64::from(self.std_error[own]).powi(2);
-                score.add_difference(f64::from(predicted - self.radiance[own]), variance);
-            }
-        }
-    }
-
-    /// Traces the reference of points spread over the first [`TIMED_POINTS`] neighbours.
-    fn traced(name: &str, labels: LabelGrid, surface: Surface, control: &Control<'_>) -> Result<Self, Error> {
-        println!("tracing {name}: {} surface voxels", surface.len());
-        let volume = Volume::new(&labels, &surface, control)?;
-        let materials = MaterialTable::cmykw();
-        let options = TraceOptions { boundary: Boundary::with_index(INDEX)?, ..TraceOptions::default() };
-        let order = near_order(surface.voxels());
-        let near = &order[..order.len().min(TIMED_POINTS)];
-        let points: Vec<u32> = near.iter().copied().step_by((near.len() / POINTS).max(1)).collect();
-        let mut radiance = vec![0.0; points.len() * 3];
-        let mut std_error = radiance.clone();
-        let target = ErrorTarget { std_error: STD_ERROR, max_spp: MOST_PATHS };
-        let tracer = Tracer::new(&volume, &materials, options)?;
-        tracer.radiance_to(&points, 1, target, &mut radiance, &mut std_error, control)?;
-        let object = Arc::new(Object::new(surface, materials, INDEX)?);
-        Ok(Self { name: name.into(), object, labels, points, radiance, std_error })
-    }
-}
 
 /// The test set of the default recipe, or a small part of it.
 pub fn held_out(full: bool, folder: &Path, control: &Control<'_>) -> Result<Vec<Judged>, Error> {
@@ -134,7 +75,7 @@ pub fn scenes(
     if wanted(&name) {
         let grid = ball(diameter, 0.5);
         let surface = surface(&grid)?;
-        scenes.push(Judged::traced(&name, grid, surface, control)?);
+        scenes.push(Judged::traced(&name, grid, surface, [TIMED_POINTS, POINTS], control)?);
     }
     for (model, height_mm) in MODELS.into_iter().filter(|_| full) {
         let name = format!("refined {model}");
@@ -148,7 +89,7 @@ pub fn scenes(
         let aimed = job.aim(placed, &Monitor::silent())?;
         let refined = job.refine(&aimed, &Workspace::none(), &Monitor::silent())?;
         let surface = surface(&refined.labels)?;
-        scenes.push(Judged::traced(&name, refined.labels, surface, control)?);
+        scenes.push(Judged::traced(&name, refined.labels, surface, [TIMED_POINTS, POINTS], control)?);
     }
     Ok(scenes)
 }

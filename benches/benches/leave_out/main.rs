@@ -1,0 +1,128 @@
+//! What every shortcut saves, and what it changes: each with and without, in one run.
+//!
+//! `cargo bench -p pellucid-benches --bench leave_out`: in minutes; `-- --full` on larger objects, with build times, for
+//! `docs/results/leave_out`.
+
+mod features;
+mod network;
+mod paths;
+mod scene;
+mod tables;
+
+use clap::Parser;
+use pellucid::voxel::Control;
+use pellucid_benches::appearance::Error;
+use pellucid_benches::study::{Axis, Panel, Plot, Record, Series, Study, StudySettings, Table};
+use scene::Scene;
+
+/// What every shortcut saves
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    study: StudySettings,
+    /// Only parts whose name holds this: tables, paths, network, features
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    only: String,
+}
+
+/// One shortcut.
+pub struct Saving {
+    /// What is left out.
+    pub what: &'static str,
+    /// On which object.
+    pub object: String,
+    /// Of what the two figures are.
+    pub unit: &'static str,
+    /// Without the shortcut.
+    pub without: f64,
+    /// With it.
+    pub with: f64,
+    /// What it changes in the result.
+    pub changes: String,
+}
+
+fn main() -> Result<(), Error> {
+    let args = Args::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    pool.install(|| study(&args))
+}
+
+fn study(args: &Args) -> Result<(), Error> {
+    let control = Control::none();
+    let full = args.study.full;
+    let mut record = Record::now("leave_out", 1);
+    record.add("times", "processor seconds");
+    let study = Study::new("leave_out", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let scene = Scene::new(if full { 12.0 } else { 5.0 }, &control)?;
+    let mut savings = Vec::new();
+    let wanted = |part: &str| part.contains(&args.only);
+    if wanted("tables") {
+        savings.extend(tables::savings(&scene, &control)?);
+    }
+    if wanted("paths") {
+        savings.extend(paths::savings(&scene, &control)?);
+    }
+    if wanted("network") {
+        savings.extend(network::savings(&scene, &control)?);
+    }
+    if wanted("features") {
+        savings.extend(features::savings(full)?);
+    }
+    let table = table(&savings);
+    println!("{}", table.markdown());
+    study.write("What is left out", &markdown(&table), &table, &plot(&savings))?;
+    Ok(())
+}
+
+fn table(savings: &[Saving]) -> Table {
+    let mut table = Table::new(&["left out", "object", "of", ">without", ">with", ">times less", "changes"]);
+    for s in savings {
+        table.row([
+            s.what.to_owned(),
+            s.object.clone(),
+            s.unit.to_owned(),
+            figure(s.without),
+            figure(s.with),
+            format!("{:.1}", s.without / s.with),
+            s.changes.clone(),
+        ]);
+    }
+    table
+}
+
+/// Three digits.
+fn figure(value: f64) -> String {
+    let digits = (2 - value.abs().max(1e-9).log10().floor() as i32).clamp(0, 6) as usize;
+    format!("{value:.digits$}")
+}
+
+fn markdown(table: &Table) -> String {
+    format!(
+        "Each row is one shortcut: the work with it, and the same work done without it, on one thread. \"Changes\" is what \
+         the result loses, measured too.\n\n{}",
+        table.markdown()
+    )
+}
+
+fn plot(savings: &[Saving]) -> Plot {
+    let point = |(i, s): (usize, &Saving)| [(i + 1) as f64, s.without / s.with];
+    let points: Vec<[f64; 2]> = savings.iter().enumerate().map(point).collect();
+    Plot {
+        x: Axis::around("row of the table", points.iter().map(|p| p[0])),
+        y: Axis::around("times less", points.iter().map(|p| p[1])),
+        panels: vec![Panel {
+            title: "what is saved".into(),
+            series: points
+                .iter()
+                .zip(savings)
+                .map(|(&p, s)| Series { name: s.what.into(), points: vec![p] })
+                .collect(),
+        }],
+    }
+}
+
+/// Greatest difference of two results.
+pub fn greatest(a: &[f32], b: &[f32]) -> String {
+    let most = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0f32, f32::max);
+    if most == 0.0 { "nothing".into() } else { format!("values by at most {most:.1e}") }
+}
