@@ -7,7 +7,7 @@ use crate::file::{TrainedNetwork, parse};
 
 /// The file of the weights that the library carries, for readers of one's own such as
 /// `VarBuilder::from_slice_safetensors`; [`shipped`] is what it holds.
-pub const SHIPPED: &[u8] = include_bytes!("../weights/shared-levels-octants.safetensors");
+pub const SHIPPED: &[u8] = pellucid_weights::SHARED_LEVELS_OCTANTS;
 
 /// The weights of the paper's proposal, [`Variant::SharedLevelsAndOctants`](crate::Variant), with the head
 /// [`Head::FirstFlight`](crate::variant::Head), and what they were trained for: 600 x 300 x 940 DPI, refractive index
