@@ -8,7 +8,7 @@ use crate::terminal::note;
 
 /// How a command ended early.
 pub enum Failure {
-    /// Ctrl-C; what there is to know beyond that.
+    /// Ctrl-C or another signal to end; what there is to know beyond that.
     Cancelled(String),
     /// Everything else, as a message for the user.
     Error(String),
@@ -25,7 +25,7 @@ impl Failure {
         Self::Error(text.into())
     }
 
-    /// Tells the user, and gives the exit status: 130 after Ctrl-C, 1 for errors.
+    /// Tells the user, and gives the exit status: 130 after a signal to end, 1 for errors.
     pub fn tell(&self) -> ExitCode {
         match self {
             Self::Cancelled(rest) => {

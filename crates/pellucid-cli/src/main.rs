@@ -19,7 +19,7 @@ use clap::{Parser, Subcommand};
 
 use failure::Failure;
 
-/// Set by Ctrl-C; long work looks at it and ends cleanly.
+/// Set by Ctrl-C, termination or a hung-up terminal; long work looks at it and ends cleanly.
 static CANCEL: AtomicBool = AtomicBool::new(false);
 
 /// Prepares full-colour 3D prints whose colours survive the resin's translucency.

@@ -144,7 +144,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         .prepare(&model, &workspace, &monitor)
         .and_then(|prepared| prepared.write(&args.out, args.force, &monitor));
     let report = result.map_err(|error| match Failure::from(error) {
-        Failure::Cancelled(_) => Failure::Cancelled(kept(&args.out)),
+        Failure::Cancelled(_) => Failure::Cancelled(kept(&workspace, &args.out)),
         other => other,
     })?;
     workspace.finish()?;
@@ -289,9 +289,9 @@ fn warn_of_another(model: &Model, earlier: &Record) {
 }
 
 /// What a cancelled job leaves.
-fn kept(out: &Path) -> String {
+fn kept(workspace: &Workspace, out: &Path) -> String {
     let folder = Workspace::folder_of(out);
-    match folder.exists() {
+    match workspace.holds_checkpoint() {
         true => format!("{} holds what was done; go on with --resume", folder.display()),
         false => "nothing was written".to_owned(),
     }

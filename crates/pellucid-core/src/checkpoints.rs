@@ -1,9 +1,10 @@
 //! Checkpoints of long work in a folder of their own: a record of what the work is, and what its steps have done.
 //!
 //! Each file is written whole or not at all, so work that was killed goes on from the last step that it finished. The
-//! record says whose checkpoints they are: another job's are refused, with the difference named.
+//! record says whose checkpoints they are: another job's are refused, with the difference named. A lock says that a process
+//! is at work, so that two never write the same checkpoints.
 
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -14,6 +15,8 @@ use crate::files::{read_bounded, write_whole_bytes};
 
 /// Name of the record.
 const RECORD: &str = "record.json";
+/// Name of the file that a process at work holds locked.
+const LOCK: &str = "lock";
 /// Most bytes of a record.
 const RECORD_LIMIT: u64 = 16 << 20;
 /// Most bytes of a checkpoint.
@@ -31,6 +34,12 @@ pub enum CheckpointError {
         /// What differs.
         difference: String,
     },
+    /// Another process is at work on them.
+    #[error("another process is at work on {}; wait for it to end, or write elsewhere", folder.display())]
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
@@ -47,6 +56,7 @@ pub enum CheckpointError {
 /// work.save("step.bin", &[1, 2, 3])?;
 /// // Later, in another process:
 /// let again = Checkpoints::resume(folder.path().join("job"));
+/// # drop(work);
 /// again.begin(&job)?;
 /// assert_eq!(again.load("step.bin")?, Some(vec![1, 2, 3]));
 /// let other = again.begin(&serde_json::json!({ "seed": 8 })).unwrap_err();
@@ -59,6 +69,8 @@ pub struct Checkpoints {
     folder: Option<PathBuf>,
     resume: bool,
     record: OnceLock<Value>,
+    /// Held locked while this process is at work.
+    lock: OnceLock<File>,
 }
 
 impl Checkpoints {
@@ -67,14 +79,18 @@ impl Checkpoints {
         Self::default()
     }
 
-    /// Of new work. The folder is made with the first checkpoint: work that ends before leaves nothing.
+    /// Of new work. Work that ends before its first checkpoint leaves nothing.
     pub fn create(folder: impl Into<PathBuf>) -> Self {
-        Self { folder: Some(folder.into()), ..Self::default() }
+        Self::of(folder.into(), false)
     }
 
     /// Goes on with what a folder holds; as new work where there is none.
     pub fn resume(folder: impl Into<PathBuf>) -> Self {
-        Self { folder: Some(folder.into()), resume: true, ..Self::default() }
+        Self::of(folder.into(), true)
+    }
+
+    fn of(folder: PathBuf, resume: bool) -> Self {
+        Self { folder: Some(folder), resume, record: OnceLock::new(), lock: OnceLock::new() }
     }
 
     /// Whether there is something to go on with.
@@ -82,11 +98,41 @@ impl Checkpoints {
         self.resume && self.folder.as_ref().is_some_and(|folder| folder.join(RECORD).exists())
     }
 
+    /// Whether the folder holds checkpoints, whatever becomes of them.
+    pub fn left(&self) -> bool {
+        self.folder.as_ref().is_some_and(|folder| folder.join(RECORD).exists())
+    }
+
+    /// Makes the folder this process's until the value is dropped; [`Checkpoints::begin`] does so too. On file systems
+    /// that have no locks nothing is claimed.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Busy`] while another process is at work, [`CheckpointError::File`].
+    pub fn claim(&self) -> Result<(), CheckpointError> {
+        let Some(folder) = self.folder.as_ref().filter(|_| self.lock.get().is_none()) else { return Ok(()) };
+        let path = folder.join(LOCK);
+        let file = loop {
+            fs::create_dir_all(folder).map_err(FileError::at("create", folder))?;
+            let file = File::options().create(true).truncate(false).write(true).open(&path);
+            let file = file.map_err(FileError::at("create", &path))?;
+            if let Err(TryLockError::WouldBlock) = file.try_lock() {
+                return Err(CheckpointError::Busy { folder: folder.clone() });
+            }
+            // A process that ended just now may have removed what was opened.
+            if path.exists() {
+                break file;
+            }
+        };
+        let _ = self.lock.set(file);
+        Ok(())
+    }
+
     /// Says what the work is: new work is recorded, interrupted work compared.
     ///
     /// # Errors
-    /// [`CheckpointError::Other`] naming the difference, [`CheckpointError::File`].
+    /// [`CheckpointError::Other`] naming the difference; as [`Checkpoints::claim`].
     pub fn begin(&self, record: &Value) -> Result<(), CheckpointError> {
+        self.claim()?;
         let Some(folder) = self.folder.as_ref().filter(|_| self.has_any()) else {
             let _ = self.record.set(record.clone());
             return Ok(());
@@ -135,10 +181,20 @@ impl Checkpoints {
     /// [`FileError`].
     pub fn remove(&self, names: &[&str]) -> Result<(), FileError> {
         let Some(folder) = self.folder.as_ref().filter(|folder| folder.exists()) else { return Ok(()) };
-        for path in names.iter().chain([&RECORD]).map(|name| folder.join(name)) {
+        for path in names.iter().chain([&RECORD, &LOCK]).map(|name| folder.join(name)) {
             gone(&path, fs::remove_file(&path), std::io::ErrorKind::NotFound)?;
         }
         gone(folder, fs::remove_dir(folder), std::io::ErrorKind::DirectoryNotEmpty)
+    }
+}
+
+impl Drop for Checkpoints {
+    /// Ends the claim; the folder goes with it if nothing else is in there.
+    fn drop(&mut self) {
+        let (Some(folder), Some(_lock)) = (&self.folder, self.lock.take()) else { return };
+        // Best effort: a lock file that stays is taken over by the next process.
+        let _ = fs::remove_file(folder.join(LOCK));
+        let _ = fs::remove_dir(folder);
     }
 }
 
@@ -188,8 +244,13 @@ mod tests {
         let folder = parent.path().join("job");
         let work = Checkpoints::create(&folder);
         work.begin(&json!({})).unwrap();
-        assert!(!folder.exists() && !work.has_any());
+        assert!(!work.has_any() && !work.left());
+        drop(work);
+        assert!(!folder.exists());
+        let work = Checkpoints::create(&folder);
+        work.begin(&json!({})).unwrap();
         work.save("a.bin", b"a").unwrap();
+        assert!(work.left());
         assert_eq!(Checkpoints::create(&folder).load("a.bin").unwrap(), None, "new work takes nothing up");
         fs::write(folder.join("mine.txt"), "").unwrap();
         work.remove(&["a.bin"]).unwrap();
@@ -197,5 +258,26 @@ mod tests {
         fs::remove_file(folder.join("mine.txt")).unwrap();
         work.remove(&["a.bin"]).unwrap();
         assert!(!folder.exists());
+    }
+
+    #[test]
+    fn two_processes_never_work_on_the_same_checkpoints() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("job");
+        let first = Checkpoints::create(&folder);
+        first.begin(&json!({})).unwrap();
+        let busy = |work: &Checkpoints| matches!(work.begin(&json!({})), Err(CheckpointError::Busy { .. }));
+        assert!(busy(&Checkpoints::create(&folder)) && busy(&Checkpoints::resume(&folder)));
+        first.save("a.bin", b"a").unwrap();
+        assert!(busy(&Checkpoints::resume(&folder)), "dropping the others did not end the first one's claim");
+        drop(first);
+        let second = Checkpoints::resume(&folder);
+        second.begin(&json!({})).unwrap();
+        assert_eq!(second.load("a.bin").unwrap().unwrap(), b"a");
+        assert!(busy(&Checkpoints::resume(&folder)));
+        // What a killed process leaves is no claim.
+        drop(second);
+        fs::write(folder.join(LOCK), "").unwrap();
+        Checkpoints::resume(&folder).begin(&json!({})).unwrap();
     }
 }

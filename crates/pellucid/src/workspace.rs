@@ -35,19 +35,21 @@ impl Workspace {
         out.with_file_name(name)
     }
 
-    /// A new job for an output folder. A job that ends before its first checkpoint leaves nothing.
+    /// A new job for an output folder, which no other process works on meanwhile. A job that ends before its first
+    /// checkpoint leaves nothing.
     ///
     /// # Errors
-    /// [`PrintError::Interrupted`] when an interrupted job left checkpoints.
+    /// [`PrintError::Interrupted`] when an interrupted job left checkpoints, [`PrintError::Checkpoint`] when another
+    /// process is at work on the same output.
     pub fn create(out: &Path) -> Result<Self, PrintError> {
         let folder = Self::folder_of(out);
-        match folder.symlink_metadata() {
-            Ok(_) => Err(PrintError::Interrupted { folder }),
-            Err(_) => Ok(Self(Checkpoints::create(folder))),
-        }
+        let checkpoints = Checkpoints::create(&folder);
+        checkpoints.claim()?;
+        if checkpoints.left() { Err(PrintError::Interrupted { folder }) } else { Ok(Self(checkpoints)) }
     }
 
-    /// Goes on with the interrupted job of an output folder; a new one where there is none.
+    /// Goes on with the interrupted job of an output folder; a new one where there is none. The job is refused when
+    /// another process is at work on the same output.
     pub fn resume(out: &Path) -> Self {
         Self(Checkpoints::resume(Self::folder_of(out)))
     }
@@ -55,6 +57,11 @@ impl Workspace {
     /// Whether there is something to go on with.
     pub fn has_checkpoint(&self) -> bool {
         self.0.has_any()
+    }
+
+    /// Whether this job or an earlier one left something to go on with.
+    pub fn holds_checkpoint(&self) -> bool {
+        self.0.left()
     }
 
     pub(crate) fn begin(&self, record: &Record) -> Result<(), PrintError> {

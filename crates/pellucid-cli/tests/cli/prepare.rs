@@ -346,14 +346,34 @@ mod interrupted {
     }
 
     #[test]
-    fn ctrl_c_ends_with_130_and_says_how_to_go_on() {
+    fn ctrl_c_and_termination_end_with_130_and_say_how_to_go_on() {
+        for signal in ["-INT", "-TERM"] {
+            let folder = tempfile::tempdir().unwrap();
+            let (model, out) = (cube(folder.path()), folder.path().join("print"));
+            let child = start(&model, &out, &[]);
+            let status = stop_at_checkpoint(child, &out, signal);
+            assert_eq!(status.code(), Some(130), "{signal}");
+            assert!(!out.exists());
+            assert!(out.with_file_name("print.job").exists());
+        }
+    }
+
+    #[test]
+    fn a_second_job_into_the_same_folder_is_refused_and_the_first_goes_on() {
         let folder = tempfile::tempdir().unwrap();
         let (model, out) = (cube(folder.path()), folder.path().join("print"));
-        let child = start(&model, &out, &[]);
-        let status = stop_at_checkpoint(child, &out, "-INT");
-        assert_eq!(status.code(), Some(130));
-        assert!(!out.exists());
-        assert!(out.with_file_name("print.job").exists());
+        let mut first = start(&model, &out, &[]);
+        while !out.with_file_name("print.job").join("lock").exists() {
+            assert!(first.try_wait().unwrap().is_none(), "the job ended before it claimed its folder");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        for more in [&[][..], &["--resume"], &["--force"]] {
+            let second = start(&model, &out, more).wait_with_output().unwrap();
+            assert_eq!(second.status.code(), Some(1), "{more:?}");
+            assert!(stderr(&second).contains("another process is at work"), "{}", stderr(&second));
+        }
+        assert!(first.wait().unwrap().success());
+        assert!(out.join("report.json").exists() && !out.with_file_name("print.job").exists());
     }
 
     #[test]
