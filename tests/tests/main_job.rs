@@ -145,6 +145,7 @@ fn a_predictor_is_chosen_by_trial_and_a_resumed_job_keeps_it() {
     let kept = std::fs::read(Workspace::folder_of(&out).join("choice.json")).unwrap();
     let kept: pellucid::Choice = serde_json::from_slice(&kept).unwrap();
 
+    drop(workspace);
     let workspace = Workspace::resume(&out);
     let resumed = job.prepare(&model, &workspace, &Monitor::silent()).unwrap();
     workspace.finish().unwrap();
@@ -243,6 +244,8 @@ fn a_cancelled_job_resumes_from_its_workspace_and_ends_alike() {
         let workspace = Workspace::create(&out).unwrap();
         let cancelled = job.prepare(&model, &workspace, &Monitor::new(&CancelAt(&flag), &flag));
         assert!(cancelled.err().is_some_and(|e| e.is_cancelled()));
+        assert!(matches!(Workspace::create(&out), Err(PrintError::Checkpoint(_))), "the job's own claim");
+        drop(workspace);
         assert!(matches!(Workspace::create(&out), Err(PrintError::Interrupted { .. })));
 
         let mut other = settings;
