@@ -255,6 +255,14 @@ fn a_cancelled_job_resumes_from_its_workspace_and_ends_alike() {
         let refused = refused.err().unwrap().to_string();
         assert!(refused.contains("settings.refine.coloured_depth_mm was 2.0 and is 1.5"), "{refused}");
 
+        let file = Workspace::folder_of(&out).join("refinement.bin");
+        let kept = std::fs::read(&file).unwrap();
+        std::fs::write(&file, &kept[..kept.len() - 9]).unwrap();
+        let refused = job.prepare(&model, &Workspace::resume(&out), &Monitor::silent());
+        let refused = refused.err().unwrap().to_string();
+        assert!(refused.contains("refinement.bin: is damaged") && refused.contains("remove "), "{refused}");
+        std::fs::write(&file, kept).unwrap();
+
         let workspace = Workspace::resume(&out);
         assert!(workspace.has_checkpoint());
         let resumed = job.prepare(&model, &workspace, &Monitor::silent()).unwrap();

@@ -93,6 +93,11 @@ impl Checkpoints {
         Self { folder: Some(folder), resume, record: OnceLock::new(), lock: OnceLock::new() }
     }
 
+    /// The folder, where there is one.
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
     /// Whether there is something to go on with.
     pub fn has_any(&self) -> bool {
         self.resume && self.folder.as_ref().is_some_and(|folder| folder.join(RECORD).exists())

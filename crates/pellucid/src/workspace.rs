@@ -68,6 +68,14 @@ impl Workspace {
         Ok(self.0.begin(&record.comparable())?)
     }
 
+    /// A checkpoint that cannot be gone on with.
+    pub(crate) fn unusable(&self, name: &str, reason: &dyn std::fmt::Display) -> PrintError {
+        let folder = self.0.folder().unwrap_or(Path::new(""));
+        let remedy = format!("remove {} to start anew", folder.display());
+        let fault = pellucid_core::Fault::new(folder.join(name).display().to_string(), reason.to_string());
+        PrintError::Invalid(fault.remedy(remedy))
+    }
+
     pub(crate) fn load(&self, name: &str) -> Result<Option<Vec<u8>>, PrintError> {
         Ok(self.0.load(name)?)
     }

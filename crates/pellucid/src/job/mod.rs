@@ -145,7 +145,7 @@ impl PrintJob {
         let aimed = self.aim(placed, monitor)?;
         let choice = match workspace.load(CHOICE)? {
             Some(bytes) => serde_json::from_slice(&bytes)
-                .map_err(|e| PrintError::invalid(CHOICE, pellucid_core::json::plain(&e)))?,
+                .map_err(|e| workspace.unusable(CHOICE, &pellucid_core::json::plain(&e)))?,
             None => {
                 let choice = monitor.run(Stage::Choose, |control| self.choose(&aimed, control))?;
                 workspace.save(CHOICE, || Ok(serde_json::json!(choice).to_string().into()))?;

@@ -3,13 +3,23 @@
 use std::time::{Duration, Instant};
 
 use pellucid_predict::Predictor;
-use pellucid_refine::{RefineReport, Refinement, Saved, Strategy};
+use pellucid_refine::{RefineError, RefineReport, Refinement, Saved, Strategy};
 use pellucid_voxel::LabelGrid;
 
 use crate::job::Aimed;
 use crate::stage::Stage;
 use crate::workspace::REFINEMENT;
 use crate::{Monitor, PredictorKind, PrintError, PrintJob, PrintSettings, StrategyKind, Workspace};
+
+/// A refinement's checkpoint that cannot be read.
+fn unusable(workspace: &Workspace, error: RefineError) -> PrintError {
+    match error {
+        RefineError::Invalid(fault) | RefineError::Unsupported(fault) => {
+            workspace.unusable(REFINEMENT, &fault.reason)
+        }
+        other => other.into(),
+    }
+}
 
 /// Refined labels.
 #[derive(Clone, Debug)]
@@ -103,7 +113,7 @@ impl PrintJob {
             let mut bound = predictor.bind(aimed.object.clone())?;
             let mut refinement = match workspace.load(REFINEMENT)? {
                 Some(bytes) => {
-                    let saved = Saved::from_bytes(&bytes)?;
+                    let saved = Saved::from_bytes(&bytes).map_err(|e| unusable(workspace, e))?;
                     Refinement::resume(problem, strategy, settings, saved, control)?
                 }
                 None => Refinement::new(problem, strategy, settings, control)?,
