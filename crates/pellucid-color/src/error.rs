@@ -1,6 +1,8 @@
 //! The crate's error type.
 
-use pellucid_core::{Cancelled, Fault};
+use std::path::Path;
+
+use pellucid_core::{Cancelled, Fault, FileError};
 use pellucid_voxel::VoxelError;
 
 /// What can go wrong in colour and reflectance computations.
@@ -13,6 +15,9 @@ pub enum ColorError {
     /// The request is well formed but beyond what this crate handles.
     #[error("unsupported {0}")]
     Unsupported(Fault),
+    /// A file could not be read.
+    #[error(transparent)]
+    Io(#[from] FileError),
     /// The caller asked for the work to stop.
     #[error("cancelled")]
     Cancelled,
@@ -27,6 +32,19 @@ impl ColorError {
     /// An [`ColorError::Unsupported`] from what is concerned and the limit, and how to stay within it.
     pub fn unsupported(subject: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Unsupported(Fault::new(subject, reason))
+    }
+
+    /// The same, of a file.
+    pub fn in_file(self, path: &Path) -> Self {
+        let named = |mut fault: Fault| {
+            fault.subject = format!("{}: {}", path.display(), fault.subject);
+            fault
+        };
+        match self {
+            Self::Invalid(fault) => Self::Invalid(named(fault)),
+            Self::Unsupported(fault) => Self::Unsupported(named(fault)),
+            other => other,
+        }
     }
 }
 

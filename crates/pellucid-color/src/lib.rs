@@ -7,6 +7,7 @@
 //! | [`delta_e`] | CIEDE2000 |
 //! | [`spectrum`] | spectra of any bands to XYZ and RGB |
 //! | [`plane_parallel`] | deterministic radiance of half-spaces, slabs and layer stacks |
+//! | `calibration` | materials from measured patches (feature `calibration`) |
 //! | [`ReflectanceCurve`] | half-space radiance as a fast function of albedo |
 //! | [`mixture`] | volume fractions to colour, its exact inverse, and the inverse as a table |
 //! | [`gamut`] | printable colours of thick and thin parts |
@@ -17,6 +18,8 @@
 //! otherwise; lengths are millimetres and coefficients 1/mm.
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "calibration")]
+pub mod calibration;
 mod cube;
 mod curve;
 pub mod delta_e;

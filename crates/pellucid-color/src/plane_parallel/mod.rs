@@ -20,11 +20,13 @@
 mod jacobi;
 mod modes;
 mod quadrature;
+mod solved;
 
 use nalgebra::{Cholesky, DMatrix, DVector, LU};
 
 use pellucid_voxel::Material;
 pub use quadrature::fresnel_internal;
+pub use solved::SolvedLayer;
 
 use crate::ColorError;
 use modes::{Modes, Symmetry};
@@ -213,7 +215,11 @@ impl Solver {
             let extinction = base.sigma_s + base.sigma_a;
             return Ok(self.slabs(base.sigma_s / extinction, base.g, &[extinction * base.thickness_mm])?[0]);
         }
-        self.stack(base, above)
+        let layers = layers
+            .iter()
+            .map(|layer| Ok(self.solve_layers(layer, &[layer.thickness_mm])?.swap_remove(0)))
+            .collect::<Result<Vec<_>, ColorError>>()?;
+        self.radiance_of_solved(&layers.iter().collect::<Vec<_>>())
     }
 
     /// A homogeneous medium: on both sides s = 2x with (ρ + G) x = ρ e, ρ = (1 - F) / (1 + F).
@@ -231,59 +237,6 @@ impl Solver {
             .solve_mut(&mut x);
         let last = self.directions.len() - 1;
         Ok(((1.0 + rho[last]) * x[last] / one[last] - rho[last]).clamp(0.0, 1.0))
-    }
-
-    /// Adding from the base up: below the layers handled so far, upward = `reflect` downward + `glow`.
-    fn stack(&self, base: &Layer, above: &[Layer]) -> Result<f64, ColorError> {
-        let count = self.directions.len();
-        let one = self.unit_radiance();
-        let fresnel = DVector::from_column_slice(&self.directions.fresnel);
-        let entering = one.component_mul(&fresnel.map(|f| 1.0 - f));
-        let mut reflect = DMatrix::from_diagonal(&fresnel);
-        let mut glow = entering.clone();
-        if base.thickness_mm == f64::INFINITY {
-            reflect = self.modes_of(base)?.response(Symmetry::HalfSpace)?;
-            glow.fill(0.0);
-        } else {
-            self.add_layer(base, &mut reflect, &mut glow)?;
-        }
-        for layer in above.iter().rev() {
-            self.add_layer(layer, &mut reflect, &mut glow)?;
-        }
-        let mut system = DMatrix::identity(count, count);
-        for (j, f) in fresnel.iter().enumerate() {
-            for i in 0..count {
-                system[(i, j)] -= reflect[(i, j)] * f;
-            }
-        }
-        let out = solve(system, &DMatrix::from_columns(&[&reflect * entering + glow]))?;
-        Ok((out[count - 1] / one[count - 1]).clamp(0.0, 1.0))
-    }
-
-    fn add_layer(
-        &self,
-        layer: &Layer,
-        reflect: &mut DMatrix<f64>,
-        glow: &mut DVector<f64>,
-    ) -> Result<(), ColorError> {
-        let depth = (layer.sigma_s + layer.sigma_a) * layer.thickness_mm;
-        if depth == 0.0 {
-            return Ok(());
-        }
-        let modes = self.modes_of(layer)?;
-        let half = 0.5 * depth * modes.extinction_scale;
-        let (sum, difference) = (modes.response(Symmetry::Even(half))?, modes.response(Symmetry::Odd(half))?);
-        let r = (&sum + &difference) * 0.5;
-        let t = (sum - difference) * 0.5;
-        let count = r.nrows();
-        let system = DMatrix::identity(count, count) - &*reflect * &r;
-        let mut right = DMatrix::zeros(count, count + 1);
-        right.columns_mut(0, count).copy_from(&(&*reflect * &t));
-        right.set_column(count, glow);
-        let solved = solve(system, &right)?;
-        *reflect = r + &t * solved.columns(0, count);
-        *glow = t * solved.column(count);
-        Ok(())
     }
 
     fn modes_of(&self, layer: &Layer) -> Result<Modes, ColorError> {
