@@ -63,6 +63,7 @@ macro_rules! from_errors {
 
 from_errors! {
     pellucid::PrintError,
+    pellucid::color::ColorError,
     pellucid::mesh::MeshError,
     pellucid::slice::SliceError,
     pellucid::trace::TraceError,

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod calibrate;
 mod coupon;
 mod dataset;
 mod failure;
@@ -36,6 +37,9 @@ enum Command {
     Prepare(Box<prepare::Args>),
     /// Write the slices of a small test print that shows whether a printer mirrors
     Coupon(coupon::Args),
+    /// Make a chart of a printer's materials, or materials from its measurements
+    #[command(subcommand)]
+    Calibrate(calibrate::Command),
     /// Train the appearance network
     Train(train::Args),
     /// Make, describe, verify or judge by files of labelled points
@@ -58,6 +62,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
         Command::Coupon(args) => coupon::run(&args, &CANCEL),
+        Command::Calibrate(command) => calibrate::run(&command, &CANCEL),
         Command::Train(args) => train::run(&args, &CANCEL),
         Command::Dataset(command) => dataset::run(&command, &CANCEL),
         Command::Validate(args) => validate::run(&args, &CANCEL),

@@ -35,6 +35,7 @@
 //! | `halftone` | blue-noise masks | `refine` |
 //! | `mesh` | import (glTF; other formats by features) and voxelisation | `mesh`; `obj`, `ply`, `stl`, `3mf`, `webp` |
 //! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |
+//! | `calibration` | charts to print, and files of what their measurements say | `calibration` |
 //! | `stencil` | the hierarchical descriptor that the network sees | `stencil` |
 //! | `rpnn` | the network, its trainer and weights | `rpnn`, `weights`, `candle` |
 //! | `trace` | the volumetric path tracer | `trace` |
@@ -78,6 +79,8 @@ pub use pellucid_stencil as stencil;
 #[cfg(feature = "trace")]
 pub use pellucid_trace as trace;
 
+#[cfg(feature = "calibration")]
+pub mod calibration;
 #[cfg(feature = "job")]
 pub mod choice;
 #[cfg(feature = "job")]

@@ -1,5 +1,6 @@
 //! The command line as a user meets it.
 
+mod calibrate;
 mod common;
 mod prepare;
 mod training;
