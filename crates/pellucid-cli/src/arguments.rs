@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pellucid::color::space::srgb_decode;
+use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{LengthUnit, UpAxis};
 use pellucid::slice::{Container, PrintTarget};
 use pellucid::voxel::MaterialTable;
@@ -48,6 +49,13 @@ pub fn count(text: &str) -> Result<u32, String> {
 pub fn format(name: &str) -> Result<Container, String> {
     let known = Container::ALL.map(Container::name).join(", ");
     let found = Container::ALL.into_iter().find(|format| format.name() == name);
+    found.ok_or_else(|| format!("a format is one of {known}"))
+}
+
+/// What a textured model is written as.
+pub fn mesh_format(name: &str) -> Result<MeshFormat, String> {
+    let known = MeshFormat::ALL.map(MeshFormat::name).join(", ");
+    let found = MeshFormat::ALL.into_iter().find(|format| format.name() == name);
     found.ok_or_else(|| format!("a format is one of {known}"))
 }
 

@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
+use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis, import::Format};
 use pellucid::predict::NetworkDevice;
 use pellucid::slice::Container;
@@ -30,6 +31,12 @@ pub struct Args {
     /// Folder to create: slices, manifest.json, report.json, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// What is made: slices, or the model with a compensated texture, for printers that take textured models
+    #[arg(long, value_enum, default_value = "slices")]
+    output: Output,
+    /// What that model is written as: glb, obj or 3mf; as the model's own file without it
+    #[arg(long, value_name = "FORMAT", value_parser = arguments::mesh_format)]
+    texture_format: Option<MeshFormat>,
     /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
@@ -99,6 +106,14 @@ pub struct Args {
     force: bool,
 }
 
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Output {
+    /// Voxel slices, of which the printer makes every drop
+    Slices,
+    /// A textured model, whose colours the printer makes into inks by itself
+    Texture,
+}
+
 #[derive(Clone, Copy, ValueEnum)]
 enum Predictor {
     /// Monte Carlo path tracing
@@ -115,6 +130,8 @@ enum Strategy {
     SurfaceFirst,
     /// Follow the derivatives of a perceptual loss by the materials of every voxel
     Descent,
+    /// Move the colour of each surface voxel alone, as `--output texture` does
+    SurfaceColor,
 }
 
 fn device(name: &str) -> Result<NetworkDevice, String> {
@@ -131,7 +148,13 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     arguments::use_threads(args.threads)?;
     let (settings, earlier) = settings(args)?;
     let job = PrintJob::new(settings)?;
-    job.check_output(&args.out, args.force)?;
+    match args.output {
+        Output::Slices => job.check_output(&args.out, args.force)?,
+        // The model's own format is known later, and always there: what was read can be written.
+        Output::Texture => {
+            job.check_texture_output(&args.out, args.texture_format.unwrap_or(MeshFormat::Glb), args.force)?;
+        }
+    }
     let workspace = workspace(args)?;
 
     let bars = Bars::new();
@@ -140,9 +163,14 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         warn_of_another(&model, &earlier);
     }
     let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
-    let result = job
-        .prepare(&model, &workspace, &monitor)
-        .and_then(|prepared| prepared.write(&args.out, args.force, &monitor));
+    let result = job.prepare(&model, &workspace, &monitor).and_then(|prepared| match args.output {
+        Output::Slices => prepared.write(&args.out, args.force, &monitor),
+        Output::Texture => {
+            let own = model.read_as().map_or(MeshFormat::Glb, |read| MeshFormat::of(read.format));
+            let format = args.texture_format.unwrap_or(own);
+            prepared.write_texture(&args.out, &model, format, args.force, &monitor)
+        }
+    });
     let report = result.map_err(|error| match Failure::from(error) {
         Failure::Cancelled(_) => Failure::Cancelled(kept(&workspace, &args.out)),
         other => other,
@@ -186,7 +214,16 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         settings.strategy = match strategy {
             Strategy::SurfaceFirst => StrategyKind::SurfaceFirst,
             Strategy::Descent => StrategyKind::Descent,
+            Strategy::SurfaceColor => StrategyKind::SurfaceColor,
         };
+    }
+    if args.output == Output::Texture {
+        if args.strategy.is_some_and(|s| !matches!(s, Strategy::SurfaceColor)) {
+            return Err(Failure::message(
+                "--output texture moves surface colours only; leave --strategy out",
+            ));
+        }
+        settings.strategy = StrategyKind::SurfaceColor;
     }
     if let Some(file) = &args.weights {
         if settings.predictor == PredictorKind::MonteCarlo && settings.gradient == GradientKind::Paths {

@@ -53,6 +53,15 @@ pub fn of(report: &Report, out: &Path) -> String {
         let trials: Vec<String> = choice.trials.iter().map(trial).collect();
         let _ = writeln!(text, "predictor: {} (a pass by {})", choice.chosen.name(), trials.join("; by "));
     }
+    if let Some(texture) = &report.texture {
+        let [width, height] = texture.size;
+        let map = if texture.own_uv_map { "its own UV map" } else { "a new UV map" };
+        let _ = writeln!(
+            text,
+            "texture of {width} x {height} on {map}; predicted gain over the texture as it was: {:.0} % (over 0.1 mm)",
+            100.0 * texture.gain
+        );
+    }
     let _ = writeln!(text, "wrote {}", out.display());
     text
 }

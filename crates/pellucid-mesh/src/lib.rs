@@ -11,16 +11,20 @@
 //! | [`voxelise`](mod@voxelise) | solid voxels by generalised winding number |
 //! | [`thickness`] | where a print is thin: [`ThicknessReport`] |
 //! | [`target`] | the colour of each surface voxel |
+//! | [`bake`](mod@bake) | a mesh with one new texture, on its own UV map or a new atlas |
+//! | [`export`] | textured meshes as GLB, OBJ and 3MF |
 //! | [`error`] | [`MeshError`] |
 //!
 //! Positions are metres in print axes: z is up, so glTF's `(x, y, z)` is `(x, -z, y)` here.
 //! Colours are linear Rec.709.
 #![forbid(unsafe_code)]
 
+pub mod bake;
 mod bvh;
 mod digest;
 mod edges;
 pub mod error;
+pub mod export;
 mod geometry;
 mod hull;
 pub mod import;

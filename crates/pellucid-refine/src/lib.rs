@@ -74,6 +74,7 @@ mod saved;
 mod settings;
 mod smoothing;
 mod strategy;
+mod surface_color;
 mod surface_first;
 
 pub use descent::{Descent, DescentState, DescentTools, StepRule};
@@ -92,4 +93,5 @@ pub use saved::Saved;
 pub use settings::RefineSettings;
 pub use smoothing::SurfaceSmoother;
 pub use strategy::{Cell, LayerMixtures, Mixtures, Moved, Planned, Seen, Setup, Strategy};
+pub use surface_color::{SurfaceColor, SurfaceColorState};
 pub use surface_first::{SurfaceFirst, SurfaceFirstState};

@@ -170,6 +170,11 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         &self.state
     }
 
+    /// The state of the best iteration so far; `None` before the first.
+    pub fn best_state(&self) -> Option<&S::State> {
+        self.best.as_ref()
+    }
+
     /// What [`Refinement::resume`] needs.
     pub fn save(&self) -> Saved<S::State> {
         let settings = self.strategy.settings();

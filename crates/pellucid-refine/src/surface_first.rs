@@ -205,11 +205,12 @@ fn thin_out(ink: &dyn InkModel, fractions: &mut [f32]) -> Option<[f32; 3]> {
 }
 
 /// Residuals act on cube roots of linear RGB: about equal steps for the eye.
-fn encode(rgb: [f32; 3]) -> [f32; 3] {
+pub(crate) fn encode(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|v| v.max(0.0).cbrt())
 }
 
-fn decode(rgb: [f32; 3]) -> [f32; 3] {
+/// Back from [`encode`].
+pub(crate) fn decode(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|v| v.max(0.0).powi(3))
 }
 

@@ -30,7 +30,7 @@ pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, 
     };
     let by_paths = settings.predictor != PredictorKind::Rpnn;
     match (settings.strategy, settings.gradient) {
-        (StrategyKind::SurfaceFirst, _) => Ok(values),
+        (StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor, _) => Ok(values),
         (StrategyKind::Descent, GradientKind::Paths) if by_paths => Ok(values),
         (StrategyKind::Descent, GradientKind::Paths) => Ok(Arc::new(WithGradient::new(values, tracer))),
         (StrategyKind::Descent, GradientKind::Network) => {

@@ -6,6 +6,7 @@ use pellucid_refine::{Evaluation, RefineReport};
 use serde::{Deserialize, Serialize};
 
 use crate::choice::Choice;
+use crate::job::TextureReport;
 use crate::record::Record;
 
 /// How far the network was off on the labels that were written, in linear radiance, 0 to 1.
@@ -85,6 +86,9 @@ pub struct Report {
     /// What was tried, where the settings left the predictor open.
     #[serde(default)]
     pub choice: Option<Choice>,
+    /// The compensated texture, where that was written instead of slices.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<TextureReport>,
     /// Wall times in order.
     pub stages: Vec<StageTime>,
     /// Most memory that the process held in bytes, where a program measured it.

@@ -4,7 +4,7 @@ use pellucid_color::spectrum::Illuminant;
 use pellucid_core::InstructionSet;
 use pellucid_mesh::Scale;
 use pellucid_predict::{Correction, NetworkDevice, Sharing};
-use pellucid_refine::{Descent, Effort, RefineSettings, Strategy, SurfaceFirst};
+use pellucid_refine::{Descent, Effort, RefineSettings, Strategy, SurfaceColor, SurfaceFirst};
 use pellucid_slice::{Container, PrintTarget};
 use pellucid_voxel::MaterialTable;
 use serde::{Deserialize, Serialize};
@@ -55,6 +55,10 @@ pub enum StrategyKind {
     #[default]
     #[serde(rename = "descent")]
     Descent,
+    /// Move the colour of each surface voxel alone, for printers that take a textured model and mix inks by themselves:
+    /// [`Prepared::write_texture`](crate::Prepared::write_texture).
+    #[serde(rename = "surface-color")]
+    SurfaceColor,
 }
 
 /// Where [`StrategyKind::Descent`] takes derivatives from.
@@ -76,13 +80,14 @@ impl StrategyKind {
         match self {
             Self::SurfaceFirst => "surface-first",
             Self::Descent => "descent",
+            Self::SurfaceColor => "surface-color",
         }
     }
 
     /// Paths a point and channel that its predictions need, [`PrintSettings::spp`].
     pub fn spp(self) -> u32 {
         match self {
-            Self::SurfaceFirst => 16,
+            Self::SurfaceFirst | Self::SurfaceColor => 16,
             Self::Descent => 8,
         }
     }
@@ -142,6 +147,8 @@ pub struct PrintSettings {
     pub strategy: StrategyKind,
     /// Settings of [`StrategyKind::SurfaceFirst`].
     pub surface_first: SurfaceFirst,
+    /// Settings of [`StrategyKind::SurfaceColor`].
+    pub surface_color: SurfaceColor,
     /// Settings of [`StrategyKind::Descent`].
     pub descent: Descent,
     /// Where it takes derivatives from.
@@ -185,6 +192,7 @@ impl Default for PrintSettings {
             refine: RefineSettings::default(),
             strategy: StrategyKind::default(),
             surface_first: SurfaceFirst::default(),
+            surface_color: SurfaceColor::default(),
             descent: Descent::default(),
             gradient: GradientKind::default(),
             gradient_spp: 4.0,
@@ -222,6 +230,7 @@ impl PrintSettings {
         }
         self.refine.check()?;
         self.surface_first.check()?;
+        self.surface_color.check()?;
         self.descent.check()?;
         self.judge.check()?;
         self.materials.label_of("white").ok_or_else(|| {

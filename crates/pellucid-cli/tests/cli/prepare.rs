@@ -18,6 +18,8 @@ fn help_names_every_command_and_option() {
     let help = stdout(&run(&["prepare", "--help"]));
     for option in [
         "--out",
+        "--output",
+        "--texture-format",
         "--settings",
         "--unit",
         "--up",

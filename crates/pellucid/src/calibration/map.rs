@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use pellucid_slice::PrintTarget;
 
-use super::Chart;
+use super::{Chart, ChartPatch};
 
 /// Pixels a millimetre when the drawing is opened at its own size.
 const SCALE: f64 = 12.0;
@@ -42,7 +42,8 @@ pub(super) fn svg(chart: &Chart, printer: &PrintTarget) -> String {
     let mut rectangle = |low: [f64; 2], high: [f64; 2], fill: &str| {
         let _ = writeln!(
             text,
-            "<rect x=\"{:.3}\" y=\"{:.3}\" width=\"{:.3}\" height=\"{:.3}\" fill=\"{fill}\"/>",
+            "<rect x=\"{:.3}\" y=\"{:.3}\" width=\"{:.3}\" height=\"{:.3}\" fill=\"{fill}\" \
+             stroke=\"#999\" stroke-width=\"0.05\"/>",
             low[0],
             low[1],
             high[0] - low[0],
@@ -52,28 +53,53 @@ pub(super) fn svg(chart: &Chart, printer: &PrintTarget) -> String {
     let white = pure(&chart.settings().white);
     rectangle(layout.bed().low_mm, layout.bed().high_mm, &white);
     for patch in chart.patches() {
-        let top = patch.patch.stack.layers().first().map_or(&[][..], |layer| layer.parts());
-        rectangle(patch.area.low_mm, patch.area.high_mm, &hex(color(top)));
+        rectangle(patch.area.low_mm, patch.area.high_mm, &hex(color(top_of(patch))));
     }
     for patch in chart.patches() {
-        let ([x, y], id) = (patch.center_mm, &patch.patch.id);
-        let top = patch.patch.stack.layers().first().map_or(&[][..], |layer| layer.parts());
-        let [r, g, b] = color(top).map(f64::from);
-        let ink = if 0.3 * r + 0.6 * g + 0.1 * b > 120.0 { "#000" } else { "#fff" };
-        let thickness = patch.patch.stack.layers().first().map_or(f64::INFINITY, |l| l.thickness_mm());
-        let below = if thickness.is_finite() { format!("{thickness:.3}") } else { "thick".to_owned() };
-        let _ = writeln!(
-            text,
-            "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"1.8\" fill=\"{ink}\">{id}<tspan x=\"{x:.2}\" dy=\"1.5\" \
-             font-size=\"1.1\">{below}</tspan></text>"
-        );
+        let ink = if is_light(color(top_of(patch))) { "#000" } else { "#fff" };
+        text.push_str(&label(patch, patch.area == layout.deep(), ink));
     }
-    let _ = writeln!(
-        text,
-        "<text x=\"{:.2}\" y=\"{:.2}\" font-size=\"1.6\">seen from above; thickness of the top layer in mm; the far left \
-         corner is cut off most</text>\n</svg>",
-        0.5 * width,
-        depth + 2.4
-    );
+    let lines = [
+        "Seen from above, the corner that is cut off most far left. Read each patch in its middle,",
+        "W1 to W9 all in the one deep white field. Numbers are the top layer's thickness in mm.",
+    ];
+    for (line, y) in lines.iter().zip([1.8, 3.4]) {
+        let (x, y) = (0.5 * width, depth + y);
+        let _ = writeln!(text, "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"1.15\">{line}</text>");
+    }
+    text.push_str("</svg>\n");
     text
+}
+
+/// A patch's name, and, but for readings of one large field, the thickness of its top layer and what lies below.
+fn label(patch: &ChartPatch, is_reading: bool, ink: &str) -> String {
+    let ([x, y], id) = (patch.center_mm, &patch.patch.id);
+    if is_reading {
+        return format!("<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"0.8\" fill=\"{ink}\">{id}</text>\n");
+    }
+    let layers = patch.patch.stack.layers();
+    let mm = match layers.first().map(|layer| layer.thickness_mm()) {
+        Some(mm) if mm.is_finite() => format!("{mm:.3}"),
+        _ => "thick".to_owned(),
+    };
+    let below = layers.get(1).map_or(String::new(), |layer| format!("on {}", escaped(&layer.parts()[0].0)));
+    format!(
+        "<text x=\"{x:.2}\" y=\"{:.2}\" font-size=\"1.8\" fill=\"{ink}\">{id}<tspan x=\"{x:.2}\" dy=\"1.4\" \
+         font-size=\"1.1\">{mm}</tspan><tspan x=\"{x:.2}\" dy=\"1.2\" font-size=\"0.9\">{below}</tspan></text>\n",
+        y - 0.4
+    )
+}
+
+/// What is on top of a patch.
+fn top_of(patch: &ChartPatch) -> &[(String, f64)] {
+    patch.patch.stack.layers().first().map_or(&[], |layer| layer.parts())
+}
+
+fn is_light([r, g, b]: [u8; 3]) -> bool {
+    0.3 * f64::from(r) + 0.6 * f64::from(g) + 0.1 * f64::from(b) > 120.0
+}
+
+/// A name within XML.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;")
 }

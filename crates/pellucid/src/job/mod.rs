@@ -5,6 +5,7 @@ mod judged;
 mod placed;
 mod prepared;
 mod refined;
+mod textured;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,6 +25,7 @@ pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
 pub use refined::Refined;
+pub use textured::{TextureReport, own_texture_files};
 
 /// Prepares prints: settings that were checked once.
 ///
@@ -61,6 +63,7 @@ impl PrintJob {
         let iterations = match settings.strategy {
             StrategyKind::SurfaceFirst => settings.surface_first.iterations(),
             StrategyKind::Descent => settings.descent.iterations(),
+            StrategyKind::SurfaceColor => settings.surface_color.iterations(),
         };
         settings.refine.iterations.get_or_insert(iterations);
         pellucid_slice::check_materials(

@@ -11,9 +11,12 @@ use crate::job::{Aimed, Judged, Refined};
 use crate::stage::Stage;
 use crate::{Choice, Monitor, PrintError, Record, Report};
 
+/// The report, in a print's folder.
+pub(super) const REPORT_FILE: &str = "report.json";
+
 /// What a prepared print consists of; only a folder of these is ever replaced.
 pub fn own_files() -> OwnFiles {
-    pellucid_slice::own_files().and(["report.json", "proof.png", "proof.exr", "error.png"])
+    pellucid_slice::own_files().and([REPORT_FILE, "proof.png", "proof.exr", "error.png"])
 }
 
 /// A prepared print in memory.
@@ -49,6 +52,7 @@ impl Prepared {
             evaluation: self.judged.evaluation.clone(),
             choice: self.choice.clone(),
             prediction: self.judged.prediction,
+            texture: None,
             stages: monitor.times(),
             peak_memory_bytes: monitor.peak_memory_bytes(),
         }
@@ -73,18 +77,27 @@ impl Prepared {
         monitor.run(Stage::Slices, |c| {
             write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
         })?;
-        monitor.run(Stage::Proof, |c| {
-            self.judged.proof.write_png(staged.path().join("proof.png"), c)?;
-            self.judged.proof.write_exr(staged.path().join("proof.exr"), c)?;
-            self.judged.proof.write_error_png(staged.path().join("error.png"), c)
-        })?;
+        self.write_proof(staged.path(), monitor)?;
         let report = self.report(monitor);
-        let path = staged.path().join("report.json");
-        let mut text = serde_json::to_vec_pretty(&report)
-            .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
-        text.push(b'\n');
-        write_whole_bytes(&path, &text)?;
+        write_report(&report, staged.path())?;
         staged.commit()?;
         Ok(report)
     }
+
+    pub(super) fn write_proof(&self, folder: &Path, monitor: &Monitor<'_>) -> Result<(), PrintError> {
+        monitor.run(Stage::Proof, |c| {
+            self.judged.proof.write_png(folder.join("proof.png"), c)?;
+            self.judged.proof.write_exr(folder.join("proof.exr"), c)?;
+            self.judged.proof.write_error_png(folder.join("error.png"), c)
+        })?;
+        Ok(())
+    }
+}
+
+pub(super) fn write_report(report: &Report, folder: &Path) -> Result<(), PrintError> {
+    let path = folder.join(REPORT_FILE);
+    let mut text = serde_json::to_vec_pretty(report)
+        .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
+    text.push(b'\n');
+    Ok(write_whole_bytes(&path, &text)?)
 }

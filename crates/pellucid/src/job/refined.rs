@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use pellucid_predict::Predictor;
-use pellucid_refine::{RefineError, RefineReport, Refinement, Saved, Strategy};
+use pellucid_refine::{RefineError, RefineReport, Refinement, Saved, Strategy, SurfaceColor};
 use pellucid_voxel::LabelGrid;
 
 use crate::job::Aimed;
@@ -31,6 +31,9 @@ pub struct Refined {
     pub unrefined: LabelGrid,
     /// What happened.
     pub report: RefineReport,
+    /// The colours asked of the printer, linear RGB relative to its white, one a surface voxel: of
+    /// [`StrategyKind::SurfaceColor`] alone.
+    pub colors: Option<Vec<[f32; 3]>>,
 }
 
 /// A twentieth of the time at most goes into keeping what is done.
@@ -90,10 +93,18 @@ impl PrintJob {
     ) -> Result<Refined, PrintError> {
         match self.settings.strategy {
             StrategyKind::SurfaceFirst => {
-                self.refine_by(self.settings.surface_first.clone(), predictor, aimed, workspace, monitor)
+                let strategy = self.settings.surface_first.clone();
+                self.refine_by(strategy, predictor, aimed, workspace, monitor, |_| None)
             }
             StrategyKind::Descent => {
-                self.refine_by(self.settings.descent.clone(), predictor, aimed, workspace, monitor)
+                let strategy = self.settings.descent.clone();
+                self.refine_by(strategy, predictor, aimed, workspace, monitor, |_| None)
+            }
+            StrategyKind::SurfaceColor => {
+                let strategy = self.settings.surface_color.clone();
+                self.refine_by(strategy, predictor, aimed, workspace, monitor, |refinement| {
+                    Some(SurfaceColor::colors(refinement.setup(), refinement.best_state()?))
+                })
             }
         }
     }
@@ -105,11 +116,12 @@ impl PrintJob {
         aimed: &Aimed,
         workspace: &Workspace,
         monitor: &Monitor<'_>,
+        colors: impl Fn(&Refinement<'_, S>) -> Option<Vec<[f32; 3]>>,
     ) -> Result<Refined, PrintError> {
         let settings = self.settings.refine.clone();
         let problem = aimed.problem();
         let mut labels = aimed.solid.clone();
-        let refined = monitor.run(Stage::Refine, |control| {
+        let (refined, colors) = monitor.run(Stage::Refine, |control| {
             let mut bound = predictor.bind(aimed.object.clone())?;
             let mut refinement = match workspace.load(REFINEMENT)? {
                 Some(bytes) => {
@@ -130,7 +142,8 @@ impl PrintJob {
                     pace.keep(|| workspace.save(REFINEMENT, || Ok(refinement.save().to_bytes()?)))?;
                 }
             }
-            Ok::<_, PrintError>(refinement.finish(&mut labels, &control.silent())?)
+            let colors = colors(&refinement);
+            Ok::<_, PrintError>((refinement.finish(&mut labels, &control.silent())?, colors))
         })?;
         let outside = refined.report.iterations.last().map_or(0, |last| last.outside_training);
         if outside > 0 {
@@ -138,6 +151,6 @@ impl PrintJob {
                 "{outside} predictions have coefficients around them that the network was not trained for"
             ));
         }
-        Ok(Refined { labels, unrefined: refined.unrefined, report: refined.report })
+        Ok(Refined { labels, unrefined: refined.unrefined, report: refined.report, colors })
     }
 }
