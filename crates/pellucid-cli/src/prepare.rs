@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
+use pellucid::job::ProofFiles;
 use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis, import::Format};
 use pellucid::predict::NetworkDevice;
 use pellucid::slice::Container;
@@ -27,7 +28,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 pub struct Args {
     /// A model: glTF 2.0 (.glb, .gltf), OBJ, 3MF, PLY or STL, with its files beside it
     model: PathBuf,
-    /// Folder to create: slices, manifest.json, report.json, proof.png, proof.exr, error.png
+    /// Folder to create: slices, manifest.json, report.json, proof.html, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it
@@ -142,7 +143,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
     let result = job
         .prepare(&model, &workspace, &monitor)
-        .and_then(|prepared| prepared.write(&args.out, args.force, &monitor));
+        .and_then(|prepared| prepared.write_with(ProofFiles::built(), &args.out, args.force, &monitor));
     let report = result.map_err(|error| match Failure::from(error) {
         Failure::Cancelled(_) => Failure::Cancelled(kept(&workspace, &args.out)),
         other => other,

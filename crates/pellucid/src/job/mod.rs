@@ -2,8 +2,11 @@
 
 mod aimed;
 mod judged;
+#[cfg(feature = "html")]
+mod page;
 mod placed;
 mod prepared;
+mod proof_files;
 mod refined;
 
 use std::path::Path;
@@ -23,6 +26,7 @@ pub use aimed::{Aimed, SharedInk};
 pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
+pub use proof_files::ProofFiles;
 pub use refined::Refined;
 
 /// Prepares prints: settings that were checked once.
