@@ -28,7 +28,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 pub struct Args {
     /// A model: glTF 2.0 (.glb, .gltf), OBJ, 3MF, PLY or STL, with its files beside it
     model: PathBuf,
-    /// Folder to create: slices, manifest.json, report.json, proof.html, proof.png, proof.exr, error.png
+    /// Folder to create: slices, manifest.json, report.json, proof.html, proof.glb, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it

@@ -14,6 +14,7 @@
 //! | [`Proof`] | states of a print and its errors in every view, and their files |
 //! | [`SurfaceMesh`] | a mesh of the surface voxels, for viewers |
 //! | `page` (feature `html`) | the proof as one page: views, slices, figures |
+//! | `glb` (feature `glb`) | what the print looks like as a glTF model |
 //! | `write_exr` (feature `exr`) | linear pictures as the layers of one file |
 //!
 //! ```
@@ -40,6 +41,8 @@ mod error;
 #[cfg(feature = "exr")]
 mod exr;
 mod false_color;
+#[cfg(feature = "glb")]
+pub mod glb;
 #[cfg(feature = "html")]
 pub mod page;
 mod picture;

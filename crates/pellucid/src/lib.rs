@@ -41,7 +41,7 @@
 //! | `predict` | one interface over tracer and network | `predict`, `mc`, `rpnn` |
 //! | `refine` | the loop that rearranges materials, and the judge | `refine` |
 //! | `slice` | print targets and slices | `slice`; `gcvf`, `nrrd`, `npy` for those containers |
-//! | `proof` | pictures of the print, and a page to look at it | `proof`; `html` for the page |
+//! | `proof` | pictures of the print, a page and a model to look at | `proof`; `html` for the page, `glb` for the model |
 //! | `dataset` | procedural volumes and labelled samples | `dataset` |
 //! | `training` | training runs, and a network's errors on labelled sets | `training` |
 //!

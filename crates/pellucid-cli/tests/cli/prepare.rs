@@ -56,6 +56,7 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
         "manifest.json",
         "report.json",
         "proof.html",
+        "proof.glb",
         "proof.png",
         "proof.exr",
         "error.png",

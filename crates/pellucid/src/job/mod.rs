@@ -2,6 +2,8 @@
 
 mod aimed;
 mod judged;
+#[cfg(feature = "glb")]
+mod model;
 #[cfg(feature = "html")]
 mod page;
 mod placed;

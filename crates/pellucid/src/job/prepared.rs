@@ -16,7 +16,14 @@ use crate::{Choice, Monitor, PrintError, Record, Report};
 
 /// What a prepared print consists of; only a folder of these is ever replaced.
 pub fn own_files() -> OwnFiles {
-    pellucid_slice::own_files().and(["report.json", "proof.png", "proof.exr", "error.png", "proof.html"])
+    pellucid_slice::own_files().and([
+        "report.json",
+        "proof.png",
+        "proof.exr",
+        "error.png",
+        "proof.html",
+        "proof.glb",
+    ])
 }
 
 /// A prepared print in memory.
@@ -98,6 +105,10 @@ impl Prepared {
             self.judged.proof.write_exr(staged.path().join("proof.exr"), c)?;
             self.judged.proof.write_error_png(staged.path().join("error.png"), c)
         })?;
+        #[cfg(feature = "glb")]
+        if files.glb {
+            monitor.run(Stage::Proof, |c| super::model::write_model(self, staged.path(), c))?;
+        }
         let page = Page::pack(self, files, monitor)?;
         let report = self.report(monitor);
         let path = staged.path().join("report.json");

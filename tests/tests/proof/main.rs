@@ -1,7 +1,9 @@
-//! `proof.html` of a prepared print: its figures are the report's, and it works in a browser.
+//! `proof.html` and `proof.glb` of a prepared print: the page's figures are the report's, it works in a browser, and the
+//! model reads back.
 
 mod browser;
 mod figures;
+mod model;
 mod webdriver;
 
 use std::path::PathBuf;
@@ -58,7 +60,7 @@ static PRINT: LazyLock<Print> = LazyLock::new(|| {
     let job = PrintJob::new(settings).unwrap();
     let prepared = job.prepare(&patched_ball(), &Workspace::none(), &Monitor::silent()).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let (files, out) = (ProofFiles { html: true }, folder.path().join("print"));
+    let (files, out) = (ProofFiles { html: true, glb: true }, folder.path().join("print"));
     prepared.write_with(files, &out, false, &Monitor::silent()).unwrap();
     Print { prepared, folder }
 });
