@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::ValueEnum;
 use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
+use pellucid::job::ProofFiles;
 use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis, import::Format};
 use pellucid::predict::NetworkDevice;
@@ -28,7 +29,7 @@ const SETTINGS_LIMIT: u64 = 16 << 20;
 pub struct Args {
     /// A model: glTF 2.0 (.glb, .gltf), OBJ, 3MF, PLY or STL, with its files beside it
     model: PathBuf,
-    /// Folder to create: slices, manifest.json, report.json, proof.png, proof.exr, error.png
+    /// Folder to create: slices, manifest.json, report.json, proof.html, proof.glb, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// What is made: slices, or the model with a compensated texture, for printers that take textured models
@@ -164,7 +165,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     }
     let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
     let result = job.prepare(&model, &workspace, &monitor).and_then(|prepared| match args.output {
-        Output::Slices => prepared.write(&args.out, args.force, &monitor),
+        Output::Slices => prepared.write_with(ProofFiles::built(), &args.out, args.force, &monitor),
         Output::Texture => {
             let own = model.read_as().map_or(MeshFormat::Glb, |read| MeshFormat::of(read.format));
             let format = args.texture_format.unwrap_or(own);

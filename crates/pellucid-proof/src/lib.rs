@@ -1,4 +1,4 @@
-//! Soft-proof pictures: what each surface voxel will look like, seen from fixed directions.
+//! Soft proofs: what each surface voxel will look like, as pictures from fixed directions and as a page for browsers.
 //!
 //! Pictures are flat: a pixel shows the colour of the surface voxel behind it and nothing else, so that colours can
 //! be read off. Views are orthographic.
@@ -12,6 +12,9 @@
 //! | [`contact_sheet`] | pictures side by side on mid grey |
 //! | [`false_color`] | a quantity as a colour |
 //! | [`Proof`] | states of a print and its errors in every view, and their files |
+//! | [`SurfaceMesh`] | a mesh of the surface voxels, for viewers |
+//! | `page` (feature `html`) | the proof as one page: views, slices, figures |
+//! | `glb` (feature `glb`) | what the print looks like as a glTF model |
 //! | `write_exr` (feature `exr`) | linear pictures as the layers of one file |
 //!
 //! ```
@@ -38,10 +41,15 @@ mod error;
 #[cfg(feature = "exr")]
 mod exr;
 mod false_color;
+#[cfg(feature = "glb")]
+pub mod glb;
+#[cfg(feature = "html")]
+pub mod page;
 mod picture;
 mod png;
 mod proof;
 mod srgb_image;
+mod surface_mesh;
 mod values;
 mod view;
 mod visibility;
@@ -54,5 +62,6 @@ pub use false_color::false_color;
 pub use picture::Picture;
 pub use proof::{ERROR_SCALE, Proof};
 pub use srgb_image::SrgbImage;
+pub use surface_mesh::SurfaceMesh;
 pub use view::View;
 pub use visibility::{EDGE_RANGE, Visibility};

@@ -42,7 +42,7 @@
 //! | `predict` | one interface over tracer and network | `predict`, `mc`, `rpnn` |
 //! | `refine` | the loop that rearranges materials, and the judge | `refine` |
 //! | `slice` | print targets and slices | `slice`; `gcvf`, `nrrd`, `npy` for those containers |
-//! | `proof` | pictures of the print | `proof` |
+//! | `proof` | pictures of the print, a page and a model to look at | `proof`; `html` for the page, `glb` for the model |
 //! | `dataset` | procedural volumes and labelled samples | `dataset` |
 //! | `training` | training runs, and a network's errors on labelled sets | `training` |
 //!
@@ -86,6 +86,8 @@ pub mod choice;
 #[cfg(feature = "job")]
 pub mod error;
 #[cfg(feature = "job")]
+mod error_histogram;
+#[cfg(feature = "job")]
 pub mod job;
 #[cfg(feature = "job")]
 mod monitor;
@@ -97,6 +99,8 @@ mod predictors;
 pub mod record;
 #[cfg(feature = "job")]
 pub mod report;
+#[cfg(feature = "job")]
+mod resins;
 #[cfg(feature = "job")]
 pub mod settings;
 #[cfg(feature = "job")]

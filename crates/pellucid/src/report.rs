@@ -9,6 +9,9 @@ use crate::choice::Choice;
 use crate::job::TextureReport;
 use crate::record::Record;
 
+pub use crate::error_histogram::ErrorHistogram;
+pub use crate::resins::{ResinUse, Resins};
+
 /// How far the network was off on the labels that were written, in linear radiance, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PredictionError {
@@ -77,10 +80,16 @@ pub struct Report {
     pub mesh: Option<MeshReport>,
     /// Thin places.
     pub thin: Thinness,
+    /// Volume and mass of the resins.
+    #[serde(default)]
+    pub resins: Resins,
     /// The refinement, iteration by iteration, as predicted in the loop.
     pub refinement: RefineReport,
     /// The errors before and after, as judged by fresh paths.
     pub evaluation: Evaluation,
+    /// How the errors to the target as given are spread over the surface.
+    #[serde(default)]
+    pub error_histogram: ErrorHistogram,
     /// The network beside the judge's paths; absent with the path tracer, whose only error is noise.
     pub prediction: Option<PredictionError>,
     /// What was tried, where the settings left the predictor open.

@@ -53,9 +53,16 @@ fn a_print_is_complete_and_its_manifest_makes_it_again() {
     assert!(done.status.success(), "{}", stderr(&done));
     assert!(stdout(&done).contains("colour error"), "{}", stdout(&done));
     assert!(stdout(&done).contains("% out of gamut"), "{}", stdout(&done));
-    for file in
-        ["slices/slice_00000.png", "manifest.json", "report.json", "proof.png", "proof.exr", "error.png"]
-    {
+    for file in [
+        "slices/slice_00000.png",
+        "manifest.json",
+        "report.json",
+        "proof.html",
+        "proof.glb",
+        "proof.png",
+        "proof.exr",
+        "error.png",
+    ] {
         assert!(out.join(file).metadata().unwrap().len() > 0, "{file}");
     }
     assert!(!folder.path().join("a/b/print.job").exists());

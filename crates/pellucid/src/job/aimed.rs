@@ -46,6 +46,8 @@ pub struct Aimed {
     pub gamut_target: Vec<[f32; 3]>,
     /// The target brought within reach of gamut and thickness.
     pub printable_target: Vec<[f32; 3]>,
+    /// Thickness in mm below each surface voxel, along its normal; at most 10.
+    pub thickness_mm: Vec<f32>,
     /// Where material is thin.
     pub thin: Thinness,
     /// Size `[x, y, z]` in mm.
@@ -113,6 +115,7 @@ impl PrintJob {
             gamut_target,
             printable_target,
             thin: Thinness::of(&placed.thickness_mm),
+            thickness_mm: placed.thickness_mm,
             extent_mm: placed.extent_mm,
             mesh: placed.mesh,
         })

@@ -8,7 +8,7 @@ use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
 use crate::job::{Aimed, Refined};
-use crate::report::PredictionError;
+use crate::report::{ErrorHistogram, PredictionError};
 use crate::stage::Stage;
 use crate::workspace::JUDGED;
 use crate::{Monitor, PrintError, PrintJob, Workspace, predictors};
@@ -22,6 +22,11 @@ pub struct Judged {
     /// How far the network alone is off on the labels to print; absent with the path tracer, whose only error is
     /// noise.
     pub prediction: Option<PredictionError>,
+    /// Appearance of every surface voxel before and after, linear RGB relative to the print's white, for the eye: noise
+    /// was taken out.
+    pub appearance: [Vec<[f32; 3]>; 2],
+    /// Where each is off the target as given, over 0.1 mm: CIEDE2000 in parts, out of gamut, too thin, cross-talk.
+    pub error_parts: [Vec<[f32; 3]>; 2],
     /// Target, unrefined and refined appearance from both sides, media-relative linear RGB; and the refined error at
     /// 0.1 mm to the target as given in its parts, out of gamut, too thin and cross-talk.
     pub proof: Proof,
@@ -35,9 +40,16 @@ struct Verdict {
     /// Of every surface voxel, before and after.
     #[serde(skip)]
     appearance: [Vec<[f32; 3]>; 2],
-    /// Of every surface voxel after refinement: the error in parts.
+    /// Of every surface voxel, before and after: the error in parts.
     #[serde(skip)]
-    parts: Vec<[f32; 3]>,
+    parts: [Vec<[f32; 3]>; 2],
+}
+
+impl Judged {
+    /// How the errors are spread over the surface.
+    pub fn error_histogram(&self) -> ErrorHistogram {
+        ErrorHistogram::of(self.error_parts.each_ref().map(Vec::as_slice))
+    }
 }
 
 impl PrintJob {
@@ -67,9 +79,15 @@ impl PrintJob {
         let (surface, edge) = (aimed.object.surface(), self.settings.proof_edge);
         let proof = monitor.run(Stage::Proof, |c| {
             let views = View::front_and_back();
-            Proof::draw_with_errors(&refined.labels, surface, &views, edge, &states, &verdict.parts, c)
+            Proof::draw_with_errors(&refined.labels, surface, &views, edge, &states, &verdict.parts[1], c)
         })?;
-        Ok(Judged { evaluation: verdict.evaluation, prediction: verdict.prediction, proof })
+        Ok(Judged {
+            evaluation: verdict.evaluation,
+            prediction: verdict.prediction,
+            appearance: verdict.appearance,
+            error_parts: verdict.parts,
+            proof,
+        })
     }
 
     fn verdict(
@@ -104,7 +122,8 @@ impl PrintJob {
         };
         let appearance = [pictured(&refined.unrefined, &before)?, pictured(&refined.labels, &after)?];
         let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
-        let parts = judge.error_parts(&appearance[1], &silent)?;
+        let parts =
+            [judge.error_parts(&appearance[0], &silent)?, judge.error_parts(&appearance[1], &silent)?];
         Ok(Verdict { evaluation, prediction, appearance, parts })
     }
 
@@ -147,7 +166,7 @@ impl Verdict {
         let errors = serde_json::to_vec(self).unwrap_or_default();
         let mut bytes = (errors.len() as u64).to_le_bytes().to_vec();
         bytes.extend(errors);
-        let fields = self.appearance.iter().chain([&self.parts]);
+        let fields = self.appearance.iter().chain(&self.parts);
         bytes.extend(fields.flatten().flatten().flat_map(|v| v.to_le_bytes()));
         bytes
     }
@@ -159,13 +178,13 @@ impl Verdict {
         let mut verdict: Self = serde_json::from_slice(errors).ok()?;
         let (values, []) = fields.as_chunks::<4>() else { return None };
         let (colors, []) = values.as_chunks::<3>() else { return None };
-        if colors.len() != 3 * points {
+        if colors.len() != 4 * points {
             return None;
         }
         let field =
             |i: usize| colors[i * points..][..points].iter().map(|v| v.map(f32::from_le_bytes)).collect();
         verdict.appearance = [field(0), field(1)];
-        verdict.parts = field(2);
+        verdict.parts = [field(2), field(3)];
         Some(verdict)
     }
 }

@@ -2,8 +2,13 @@
 
 mod aimed;
 mod judged;
+#[cfg(feature = "glb")]
+mod model;
+#[cfg(feature = "html")]
+mod page;
 mod placed;
 mod prepared;
+mod proof_files;
 mod refined;
 mod textured;
 
@@ -24,6 +29,7 @@ pub use aimed::{Aimed, SharedInk};
 pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
+pub use proof_files::ProofFiles;
 pub use refined::Refined;
 pub use textured::{TextureReport, own_texture_files};
 

@@ -3,11 +3,14 @@
 use std::path::Path;
 
 use pellucid_core::FileError;
+#[cfg(feature = "html")]
+use pellucid_core::files::read_text_bounded;
 use pellucid_core::files::write_whole_bytes;
 use pellucid_core::staging::{OwnFiles, StagedDir};
 use pellucid_slice::{ExportSettings, Recorded, write_stack};
 
-use crate::job::{Aimed, Judged, Refined};
+use crate::job::{Aimed, Judged, ProofFiles, Refined};
+use crate::report::Resins;
 use crate::stage::Stage;
 use crate::{Choice, Monitor, PrintError, Record, Report};
 
@@ -16,7 +19,14 @@ pub(super) const REPORT_FILE: &str = "report.json";
 
 /// What a prepared print consists of; only a folder of these is ever replaced.
 pub fn own_files() -> OwnFiles {
-    pellucid_slice::own_files().and([REPORT_FILE, "proof.png", "proof.exr", "error.png"])
+    pellucid_slice::own_files().and([
+        REPORT_FILE,
+        "proof.png",
+        "proof.exr",
+        "error.png",
+        "proof.html",
+        "proof.glb",
+    ])
 }
 
 /// A prepared print in memory.
@@ -48,8 +58,10 @@ impl Prepared {
             surface_voxels: aimed.object.surface().len() as u64,
             mesh: aimed.mesh.clone(),
             thin: aimed.thin,
+            resins: Resins::of(labels, &self.record.settings.materials),
             refinement: self.refined.report.clone(),
             evaluation: self.judged.evaluation.clone(),
+            error_histogram: self.judged.error_histogram(),
             choice: self.choice.clone(),
             prediction: self.judged.prediction,
             texture: None,
@@ -65,6 +77,21 @@ impl Prepared {
     /// [`PrintError::Staging`] when `dir` exists and `force` does not allow its replacement or it holds other files,
     /// [`PrintError::Slice`], [`PrintError::Proof`], [`PrintError::Io`]; nothing is left behind then.
     pub fn write(&self, dir: &Path, force: bool, monitor: &Monitor<'_>) -> Result<Report, PrintError> {
+        self.write_with(ProofFiles::default(), dir, force, monitor)
+    }
+
+    /// [`Prepared::write`] with further files of the proof.
+    ///
+    /// # Errors
+    /// As there, and as [`ProofFiles::check`].
+    pub fn write_with(
+        &self,
+        files: ProofFiles,
+        dir: &Path,
+        force: bool,
+        monitor: &Monitor<'_>,
+    ) -> Result<Report, PrintError> {
+        files.check()?;
         let staged = StagedDir::begin(dir, force, &own_files())?;
         let settings = ExportSettings {
             force,
@@ -78,8 +105,14 @@ impl Prepared {
             write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
         })?;
         self.write_proof(staged.path(), monitor)?;
+        #[cfg(feature = "glb")]
+        if files.glb {
+            monitor.run(Stage::Proof, |c| super::model::write_model(self, staged.path(), c))?;
+        }
+        let page = Page::pack(self, files, monitor)?;
         let report = self.report(monitor);
         write_report(&report, staged.path())?;
+        page.write(staged.path(), &report.record.model.name)?;
         staged.commit()?;
         Ok(report)
     }
@@ -100,4 +133,40 @@ pub(super) fn write_report(report: &Report, folder: &Path) -> Result<(), PrintEr
         .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
     text.push(b'\n');
     Ok(write_whole_bytes(&path, &text)?)
+}
+
+/// The proof page, where one is wanted and this build has it.
+struct Page {
+    #[cfg(feature = "html")]
+    page: Option<pellucid_proof::page::ProofPage>,
+}
+
+#[cfg(feature = "html")]
+impl Page {
+    /// Packs what is to be seen; the report's figures come once it is finished.
+    fn pack(prepared: &Prepared, files: ProofFiles, monitor: &Monitor<'_>) -> Result<Self, PrintError> {
+        let page = || monitor.run(Stage::Proof, |c| super::page::page_of(prepared, c));
+        Ok(Self { page: files.html.then(page).transpose()? })
+    }
+
+    /// Writes it with the figures of the files in the folder, to the last digit.
+    fn write(&self, dir: &Path, title: &str) -> Result<(), PrintError> {
+        let Some(page) = &self.page else { return Ok(()) };
+        let read = |name: &str| {
+            let text = read_text_bounded(dir.join(name), u64::MAX)?;
+            serde_json::from_str(&text).map_err(|e| PrintError::invalid(name, pellucid_core::json::plain(&e)))
+        };
+        Ok(page.write(dir.join("proof.html"), title, &read(REPORT_FILE)?, &read("manifest.json")?)?)
+    }
+}
+
+#[cfg(not(feature = "html"))]
+impl Page {
+    fn pack(_: &Prepared, _: ProofFiles, _: &Monitor<'_>) -> Result<Self, PrintError> {
+        Ok(Self {})
+    }
+
+    fn write(&self, _: &Path, _: &str) -> Result<(), PrintError> {
+        Ok(())
+    }
 }

@@ -1,0 +1,50 @@
+//! The proof page of a prepared print.
+
+use pellucid_core::Control;
+use pellucid_proof::ERROR_SCALE;
+use pellucid_proof::page::{FieldValues, PageField, PageSize, ProofPage};
+use pellucid_slice::RowOrder;
+
+use crate::{Prepared, PrintError};
+
+/// Most CIEDE2000 that the page keeps: steps of 0.2.
+const MOST_ERROR: f32 = 51.0;
+/// Most thickness in mm that it keeps: steps of 0.04.
+const MOST_MM: f32 = 10.2;
+/// Thickness in mm at the upper end of the colours; thicker parts hardly differ.
+const SHOWN_MM: f32 = 4.0;
+
+/// Packs surface and slices; figures come later.
+pub(super) fn page_of(prepared: &Prepared, control: &Control<'_>) -> Result<ProofPage, PrintError> {
+    let (aimed, judged) = (&prepared.aimed, &prepared.judged);
+    let [unrefined, refined] = &judged.appearance;
+    let colors = [
+        ("target", "Target", &aimed.target),
+        ("printable", "Printable target", &aimed.printable_target),
+        ("unrefined", "Unrefined", unrefined),
+        ("refined", "Refined", refined),
+    ];
+    let part = |state: usize, i: usize| judged.error_parts[state].iter().map(|p| p[i]).collect();
+    let sum = |state: usize| judged.error_parts[state].iter().map(|p| p.iter().sum()).collect();
+    let errors: [(&str, &str, Vec<f32>); 5] = [
+        ("error", "Error", sum(1)),
+        ("gamut", "Out of gamut", part(1, 0)),
+        ("thin", "Too thin", part(1, 1)),
+        ("cross_talk", "Cross-talk", part(1, 2)),
+        ("error_unrefined", "Error, unrefined", sum(0)),
+    ];
+    let mut fields: Vec<PageField<'_>> = Vec::new();
+    for (key, label, colors) in colors {
+        fields.push(PageField { key, label, values: FieldValues::Colors(colors) });
+    }
+    for (key, label, values) in &errors {
+        let (most, shown, unit) = (MOST_ERROR, ERROR_SCALE, "dE2000");
+        fields.push(PageField { key, label, values: FieldValues::Quantity { values, most, shown, unit } });
+    }
+    let values = &aimed.thickness_mm;
+    let thickness = FieldValues::Quantity { values, most: MOST_MM, shown: SHOWN_MM, unit: "mm" };
+    fields.push(PageField { key: "thickness", label: "Thickness", values: thickness });
+    let highest_first = prepared.record.settings.printer.row_order() == RowOrder::HighestYFirst;
+    let (labels, surface) = (&prepared.refined.labels, aimed.object.surface());
+    Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
+}
