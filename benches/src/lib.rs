@@ -7,12 +7,14 @@
 //! | [`appearance`] | colour differences, times of stencils, false colours |
 //! | [`solids`] | halftoned solids of the studies |
 //! | [`judged`] | objects with traced reference radiances |
+//! | [`slab`] | slabs of continuous albedo, their tracer, and what refines them |
 //! | [`study`] | settings, records, tables and plots of the studies |
 #![forbid(unsafe_code)]
 
 pub mod appearance;
 pub mod dense;
 pub mod judged;
+pub mod slab;
 pub mod solids;
 pub mod study;
 pub mod volumes;

@@ -1,0 +1,89 @@
+//! The heuristic against differentiable rendering (Rittig et al. 2021, section 5.4, with Nimier-David et al. 2020): in a
+//! setting like the paper's, and in the full one.
+//!
+//! `cargo bench -p pellucid-benches --bench differentiable`: small, in minutes; `-- --full` for
+//! `docs/results/differentiable`. A study that was cut off goes on where it was.
+
+mod models;
+mod pictures;
+mod report;
+mod runs;
+mod scene;
+mod verdict;
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use pellucid::core::files::write_whole_bytes;
+use pellucid::voxel::Control;
+use pellucid_benches::appearance::Error;
+use pellucid_benches::study::{Record, Study, StudySettings};
+use scene::Scene;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// The heuristic against differentiable rendering
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    study: StudySettings,
+    /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
+}
+
+fn main() -> Result<(), Error> {
+    let args = Args::parse();
+    let full = args.study.full;
+    let kept = Kept::new(args.state.as_deref(), full)?;
+    let scene = Scene::new(full)?;
+    let mut record = Record::now("differentiable", rayon::current_num_threads());
+    record.add("slab", scene.describe());
+    record.add("models", "the defaults of the library; surface-first with the paper's 24 iterations");
+    let study = Study::new("differentiable", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let runs = runs::all(&scene, &kept)?;
+    let model_runs = models::all(full, &kept)?;
+    let control = Control::none();
+    pictures::slabs(study.folder(), &scene, &runs, &control)?;
+    pictures::models(study.folder(), &model_runs, &control)?;
+    report::plots(study.folder(), &runs, &model_runs)?;
+    study.write(
+        "The heuristic against differentiable rendering",
+        &report::markdown(&scene, &runs, &model_runs),
+        &report::points(&runs, &model_runs),
+        &report::by_iteration(&runs),
+    )?;
+    Ok(())
+}
+
+/// Folder of what is done.
+pub struct Kept(PathBuf);
+
+impl Kept {
+    fn new(given: Option<&Path>, full: bool) -> Result<Self, Error> {
+        let folder = given.unwrap_or(Path::new(env!("CARGO_TARGET_TMPDIR"))).join(match (given, full) {
+            (Some(_), true) => "full",
+            (Some(_), false) => "small",
+            (None, true) => "differentiable-full",
+            (None, false) => "differentiable-small",
+        });
+        std::fs::create_dir_all(&folder)?;
+        Ok(Self(folder))
+    }
+
+    /// What was measured before, or now, and then kept.
+    pub fn or<T: Serialize + DeserializeOwned>(
+        &self,
+        name: &str,
+        measure: impl FnOnce() -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let path = self.0.join(format!("{}.json", name.replace([' ', ',', '.'], "-")));
+        if path.exists() {
+            return Ok(serde_json::from_slice(&std::fs::read(&path)?)?);
+        }
+        println!("{name}");
+        let found = measure()?;
+        write_whole_bytes(&path, &serde_json::to_vec(&found)?)?;
+        Ok(found)
+    }
+}
