@@ -58,7 +58,7 @@ fn white_60_mm_solid() {
         let optics = Optics {
             sigma_s: f64::from(materials.materials()[4].sigma_s[c]),
             sigma_a: f64::from(materials.materials()[4].sigma_a[c]),
-            g: 0.4,
+            g: 0.4.into(),
         };
         let shape = Shape::Box { min_mm: [-30.0, -30.0, -60.0], max_mm: [30.0, 30.0, 0.0] };
         let scene = AnalyticScene::new(shape, Medium::Homogeneous(0), vec![optics]).unwrap();
@@ -89,7 +89,7 @@ fn one_voxel_objects_and_thin_voxels() {
 #[test]
 fn bad_input_is_refused_by_name() {
     for bad in [f32::NAN, f32::INFINITY, -1.0] {
-        let material = Material { name: "mud".into(), sigma_s: vec![bad], sigma_a: vec![0.0], g: 0.0 };
+        let material = Material { name: "mud".into(), sigma_s: vec![bad], sigma_a: vec![0.0], g: 0.0.into() };
         let error = MaterialTable::new(vec!["x".into()], vec![material]).unwrap_err();
         assert!(matches!(&error, VoxelError::Invalid(fault) if fault.subject.contains("mud")), "{error}");
     }
