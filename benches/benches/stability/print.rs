@@ -55,7 +55,7 @@ fn round_trip(materials: u8, pitch: Pitch, control: &Control<'_>) -> Result<Case
         name: name(m),
         sigma_s: vec![f32::from(m)],
         sigma_a: vec![0.1],
-        g: 0.0,
+        g: 0.0.into(),
     });
     let table = MaterialTable::new(vec!["light".to_owned()], table.collect())?;
     let palette = (1..=materials).map(|m| (name(m), [10 * m, 255 - 10 * m, 7, 255]));

@@ -52,7 +52,7 @@ impl Solid {
             name: format!("m{i}"),
             sigma_s: vec![s as f32],
             sigma_a: vec![a as f32],
-            g: g as f32,
+            g: (g as f32).into(),
         });
         Ok(MaterialTable::new(vec!["light".to_owned()], materials.collect())?)
     }

@@ -53,10 +53,9 @@ impl Slab {
     pub fn of_white(edge: usize, layers: usize, voxel_mm: f64, index: f64) -> Option<Self> {
         let table = MaterialTable::cmykw();
         let white = table.get(table.label_of("white")?)?;
-        let isotropic = 1.0 - f64::from(white.g);
         let three = |values: &[f32]| values.get(..3).map(|v| [v[0], v[1], v[2]].map(f64::from));
-        let (scattering, absorption) =
-            (three(&white.sigma_s)?.map(|s| s * isotropic), three(&white.sigma_a)?);
+        let (scattering, absorption) = (three(&white.sigma_s)?, three(&white.sigma_a)?);
+        let scattering: [f64; 3] = std::array::from_fn(|c| (1.0 - f64::from(white.g.at(c))) * scattering[c]);
         let extinction: [f64; 3] = std::array::from_fn(|c| scattering[c] + absorption[c]);
         let white = std::array::from_fn(|c| (scattering[c] / extinction[c]) as f32);
         Some(Self { edge, layers, voxel_mm, extinction, white, index, backing: BACKING, roulette: ROULETTE })
@@ -136,7 +135,7 @@ mod tests {
         let table = MaterialTable::cmykw();
         let white = table.get(table.label_of("white").unwrap()).unwrap();
         for c in 0..3 {
-            let reduced = white.sigma_a[c] / (white.sigma_a[c] + (1.0 - white.g) * white.sigma_s[c]);
+            let reduced = white.sigma_a[c] / (white.sigma_a[c] + (1.0 - white.g.at(c)) * white.sigma_s[c]);
             assert!((1.0 - slab.white[c] - reduced).abs() < 1e-6);
         }
         assert_eq!(slab.layers_above(0.1), 2);

@@ -5,7 +5,9 @@
 //! | --- | --- |
 //! | [`space`] | sRGB transfer, linear Rec.709, XYZ, Lab, LCh, Oklab |
 //! | [`delta_e`] | CIEDE2000 |
-//! | [`spectrum`] | spectra of any bands to XYZ and RGB |
+//! | [`spectrum`] | spectra of any bands to XYZ and RGB, under illuminants and for observers |
+//! | [`upsampling`] | the smooth reflectance that a colour may have |
+//! | [`constancy`] | how colours and pairs of them change from one viewing to another |
 //! | [`plane_parallel`] | deterministic radiance of half-spaces, slabs and layer stacks |
 //! | `calibration` | materials from measured patches (feature `calibration`) |
 //! | [`ReflectanceCurve`] | half-space radiance as a fast function of albedo |
@@ -20,6 +22,7 @@
 
 #[cfg(feature = "calibration")]
 pub mod calibration;
+pub mod constancy;
 mod cube;
 mod curve;
 pub mod delta_e;
@@ -30,7 +33,7 @@ pub mod mixture;
 pub mod plane_parallel;
 pub mod space;
 pub mod spectrum;
-mod spectrum_data;
+pub mod upsampling;
 mod viewing;
 
 pub use curve::ReflectanceCurve;

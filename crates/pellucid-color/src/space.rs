@@ -2,6 +2,8 @@
 //!
 //! Linear RGB is `[red, green, blue]` with white at `[1, 1, 1]`; XYZ has Y = 1 there.
 
+use crate::spectrum::Adaptation;
+
 /// sRGB code value (0 to 1) to linear light, IEC 61966-2-1. Odd about 0 outside the range.
 ///
 /// ```
@@ -80,6 +82,19 @@ const BRADFORD_INVERSE: [[f64; 3]; 3] = [
     [-0.008_528_664_575_177_322, 0.040_042_821_654_084_86, 0.968_486_695_787_550_1],
 ];
 
+/// Li et al. 2017.
+const CAT16: [[f64; 3]; 3] = [
+    [0.401_288, 0.650_173, -0.051_461],
+    [-0.250_268, 1.204_414, 0.045_854],
+    [-0.002_079, 0.048_952, 0.953_127],
+];
+
+const CAT16_INVERSE: [[f64; 3]; 3] = [
+    [1.862_067_855_087_233, -1.011_254_630_531_684_3, 0.149_186_775_444_451_75],
+    [0.387_526_543_236_137_2, 0.621_447_441_931_475_3, -0.008_973_985_167_612_516],
+    [-0.015_841_498_849_333_86, -0.034_122_938_028_515_57, 1.049_964_436_877_849_6],
+];
+
 pub(crate) fn apply(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
@@ -111,12 +126,21 @@ impl Xyz {
 
     /// Chromatic adaptation from one white to another in Bradford's cone space.
     pub fn adapt(self, from: Self, to: Self) -> Self {
-        let cone = |v: Self| apply(&BRADFORD, [v.x, v.y, v.z]);
+        self.adapt_by(Adaptation::Bradford, from, to)
+    }
+
+    /// Chromatic adaptation from one white to another.
+    pub fn adapt_by(self, adaptation: Adaptation, from: Self, to: Self) -> Self {
+        let (cones, inverse) = match adaptation {
+            Adaptation::Bradford => (&BRADFORD, &BRADFORD_INVERSE),
+            Adaptation::Cat16 => (&CAT16, &CAT16_INVERSE),
+        };
+        let cone = |v: Self| apply(cones, [v.x, v.y, v.z]);
         let (mut own, from, to) = (cone(self), cone(from), cone(to));
         for i in 0..3 {
             own[i] *= to[i] / from[i];
         }
-        let [x, y, z] = apply(&BRADFORD_INVERSE, own);
+        let [x, y, z] = apply(inverse, own);
         Self { x, y, z }
     }
 }
@@ -339,6 +363,7 @@ mod tests {
         for (a, b, tolerance) in [
             (&TO_XYZ, &FROM_XYZ, 1e-14),
             (&BRADFORD, &BRADFORD_INVERSE, 1e-14),
+            (&CAT16, &CAT16_INVERSE, 1e-14),
             (&RGB_TO_LMS, &LMS_TO_RGB, 1e-7),
             (&OKLAB_TO_LMS, &LMS_TO_OKLAB, 1e-7),
         ] {
@@ -397,6 +422,13 @@ mod tests {
     fn adaptation_maps_white_to_white() {
         let adapted = Xyz::D65.adapt(Xyz::D65, Xyz::D50);
         assert!((adapted.x - Xyz::D50.x).abs() < 1e-12 && (adapted.z - Xyz::D50.z).abs() < 1e-12);
+        let orange = Xyz { x: 0.4, y: 0.3, z: 0.1 };
+        let by = |adaptation| orange.adapt_by(adaptation, Xyz::D50, Xyz::D65);
+        let (bradford, cat16) = (by(Adaptation::Bradford), by(Adaptation::Cat16));
+        assert_eq!(bradford, orange.adapt(Xyz::D50, Xyz::D65));
+        assert!(bradford != cat16 && (bradford.z - cat16.z).abs() < 0.01, "{bradford:?} {cat16:?}");
+        let white = Xyz::D65.adapt_by(Adaptation::Cat16, Xyz::D65, Xyz::D50);
+        assert!((white.x - Xyz::D50.x).abs() < 1e-12 && (white.z - Xyz::D50.z).abs() < 1e-12);
     }
 
     proptest::proptest! {

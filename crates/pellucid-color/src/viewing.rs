@@ -5,7 +5,7 @@ use pellucid_voxel::{Channels, MaterialTable};
 use crate::ColorError;
 use crate::intent::MediaWhite;
 use crate::plane_parallel::Solver;
-use crate::spectrum::Illuminant;
+use crate::spectrum::Conditions;
 
 /// Turns the radiance of a print, by channel, into linear Rec.709 relative to the print's white.
 ///
@@ -23,11 +23,11 @@ pub struct Viewing {
 }
 
 impl Viewing {
-    /// Any channels under an illuminant, relative to a white whose radiance (0 to 1, one value a channel) is
+    /// Any channels under an illuminant (or other [`Conditions`]), relative to a white whose radiance (0 to 1, one value a channel) is
     /// `white_radiance`, such as a thick block's.
     ///
-    /// R, G, B stay themselves under any illuminant. Bands are seen by the CIE 1931 observer and adapted to D65
-    /// ([`Illuminant::weights_for`]), so that a radiance of 1 in every band is absolute white. One channel, and
+    /// R, G, B stay themselves under any illuminant. Bands are seen by the CIE 1931 observer unless the conditions name
+    /// another, and adapted to D65 ([`Conditions::weights_for`]), so that a radiance of 1 in every band is absolute white. One channel, and
     /// channels that are not known to be colours, are grey: their mean.
     ///
     /// ```
@@ -47,7 +47,7 @@ impl Viewing {
     /// [`ColorError::Unsupported`] for bands that tell no colour.
     pub fn new(
         channels: &Channels,
-        illuminant: Illuminant,
+        conditions: impl Into<Conditions>,
         white_radiance: &[f64],
     ) -> Result<Self, ColorError> {
         if white_radiance.len() != channels.count() {
@@ -56,7 +56,7 @@ impl Viewing {
                 format!("{} values for {} channels", white_radiance.len(), channels.count()),
             ));
         }
-        let rows = illuminant.rows_for(channels)?;
+        let rows = conditions.into().rows_for(channels)?;
         let white =
             [0, 1, 2].map(|c| rows[c].iter().zip(white_radiance).map(|(w, v): (&f64, &f64)| w * v).sum());
         Self::from_rows(rows, MediaWhite::new(white)?)
@@ -80,13 +80,13 @@ impl Viewing {
         table: &MaterialTable,
         white: &str,
         refractive_index: f64,
-        illuminant: Illuminant,
+        conditions: impl Into<Conditions>,
     ) -> Result<Self, ColorError> {
         let material = table
             .label_of(white)
             .and_then(|label| table.get(label))
             .ok_or_else(|| ColorError::invalid("white", format!("no material is named {white:?}")))?;
-        Self::new(table.spectrum(), illuminant, &Solver::new(refractive_index)?.thick_block(material)?)
+        Self::new(table.spectrum(), conditions, &Solver::new(refractive_index)?.thick_block(material)?)
     }
 
     /// Three channels that are linear R, G, B.
@@ -163,6 +163,7 @@ impl Viewing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spectrum::Illuminant;
 
     #[test]
     fn the_pullback_is_the_transpose() {

@@ -25,7 +25,7 @@ fn layers_over_thick_white_and_black_agree_with_paths() {
             let optics = [below, ink].map(|m| Optics {
                 sigma_s: m.sigma_s[channel].into(),
                 sigma_a: m.sigma_a[channel].into(),
-                g: m.g.into(),
+                g: m.g.at(channel).into(),
             });
             let layers = [mm, f64::INFINITY];
             let layers: Vec<Layer> = [optics[1], optics[0]]

@@ -150,8 +150,7 @@ fn digest(surface: &Surface, materials: &MaterialTable, refractive_index: f64) -
     }
     for material in materials.materials() {
         material.name.bytes().for_each(|b| add(u64::from(b)));
-        let coefficients =
-            material.sigma_s.iter().chain(&material.sigma_a).chain(std::iter::once(&material.g));
+        let coefficients = material.sigma_s.iter().chain(&material.sigma_a).chain(material.g.values());
         coefficients.for_each(|v| add(u64::from(v.to_bits())));
     }
     add(refractive_index.to_bits());

@@ -37,7 +37,7 @@ fn materials(step: f32) -> MaterialTable {
         name,
         sigma_s: s.into(),
         sigma_a: a.into(),
-        g: 0.4,
+        g: 0.4.into(),
     };
     let mut table: Vec<Material> = base.iter().map(|(n, s, a)| material((*n).into(), *s, *a)).collect();
     for (m, (_, s, a)) in base.iter().enumerate() {
@@ -283,7 +283,7 @@ fn walls_from_clear_to_opaque_have_finite_gradients() {
         name: name.into(),
         sigma_s: vec![s, 2.0 * s, 0.0],
         sigma_a: vec![a, 0.0, 3.0 * a],
-        g: 0.4,
+        g: 0.4.into(),
     };
     let names = ["r", "g", "b"].map(String::from).to_vec();
     let table = vec![material("none", 0.0, 0.0), material("faint", 1e-6, 1e-6), material("solid", 2e4, 1e4)];

@@ -120,7 +120,7 @@ fn a_targets_slices_read_without_their_manifest() {
     let stack = ImageStack::for_target(&target, &table).unwrap().with_origin_mm([1.0, -2.0, 0.0]);
     assert!(read_images(&files, &stack, &Control::none()).unwrap() == grid);
     // A table that has none of the printer's materials could give air only.
-    let resin = Material { name: "resin".into(), sigma_s: vec![1.0], sigma_a: vec![0.1], g: 0.4 };
+    let resin = Material { name: "resin".into(), sigma_s: vec![1.0], sigma_a: vec![0.1], g: 0.4.into() };
     let strange = MaterialTable::new(vec!["grey".into()], vec![resin]).unwrap();
     assert!(ImageStack::for_target(&target, &strange).is_err());
 }

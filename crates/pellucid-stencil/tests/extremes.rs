@@ -52,7 +52,7 @@ fn table(values: &[[f32; 2]]) -> MaterialTable {
             name: format!("m{i}"),
             sigma_s: (0..channels).map(|c| v[0] * (1.0 + c as f32 / 7.0)).collect(),
             sigma_a: (0..channels).map(|c| v[1] / (1.0 + c as f32 / 3.0)).collect(),
-            g: 0.0,
+            g: 0.0.into(),
         })
         .collect();
     MaterialTable::new((0..channels).map(|c| format!("{c}")).collect(), materials).unwrap()

@@ -12,7 +12,7 @@ fn materials() -> MaterialTable {
         name: name.into(),
         sigma_s: sigma_s.to_vec(),
         sigma_a: sigma_a.to_vec(),
-        g: 0.4,
+        g: 0.4.into(),
     };
     let names = ["r", "g", "b"].map(String::from).to_vec();
     let table = vec![

@@ -27,7 +27,7 @@ fn materials() -> MaterialTable {
         name,
         sigma_s: s.to_vec(),
         sigma_a: a.to_vec(),
-        g: 0.4,
+        g: 0.4.into(),
     };
     let mut table: Vec<Material> = base.iter().map(|(name, s, a)| material((*name).into(), *s, *a)).collect();
     for (m, (_, s, a)) in base.iter().enumerate() {
@@ -201,7 +201,7 @@ fn clear_and_opaque_walls_have_their_closed_forms() {
         name: name.into(),
         sigma_s: s.to_vec(),
         sigma_a: a.to_vec(),
-        g: 0.0,
+        g: 0.0.into(),
     };
     let table = MaterialTable::new(
         names,

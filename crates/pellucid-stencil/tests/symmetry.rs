@@ -136,7 +136,7 @@ proptest! {
         let coefficient = |label: u8, k: u64| {
             if label == 0 { 0.0 } else { (hash([label.into(), k as i64, 0], seed) % 64) as f32 }
         };
-        let material = |name: String, s: f32, a: f32| Material { name, sigma_s: vec![s], sigma_a: vec![a], g: 0.0 };
+        let material = |name: String, s: f32, a: f32| Material { name, sigma_s: vec![s], sigma_a: vec![a], g: 0.0.into() };
         let channel = vec!["c".to_owned()];
         let table = MaterialTable::new(
             channel.clone(),

@@ -341,7 +341,7 @@ impl Case {
                 name: format!("material {i}"),
                 sigma_s: vec![(o.sigma_s / voxels.scale) as f32],
                 sigma_a: vec![(o.sigma_a / voxels.scale) as f32],
-                g: o.g as f32,
+                g: (o.g as f32).into(),
             })
             .collect();
         let table = MaterialTable::new(vec!["value".into()], materials)?;

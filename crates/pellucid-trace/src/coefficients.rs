@@ -62,7 +62,7 @@ impl Coefficients {
             .iter()
             .map(|&label| {
                 materials.get(label).map_or((0.0, 0.0, 0.0), |m| {
-                    (f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel]), f64::from(m.g))
+                    (f64::from(m.sigma_s[channel]), f64::from(m.sigma_a[channel]), f64::from(m.g.at(channel)))
                 })
             })
             .collect();

@@ -89,7 +89,7 @@ fn one_voxel_objects_and_thin_voxels() {
 #[test]
 fn bad_input_is_refused_by_name() {
     for bad in [f32::NAN, f32::INFINITY, -1.0] {
-        let material = Material { name: "mud".into(), sigma_s: vec![bad], sigma_a: vec![0.0], g: 0.0 };
+        let material = Material { name: "mud".into(), sigma_s: vec![bad], sigma_a: vec![0.0], g: 0.0.into() };
         let error = MaterialTable::new(vec!["x".into()], vec![material]).unwrap_err();
         assert!(matches!(&error, VoxelError::Invalid(fault) if fault.subject.contains("mud")), "{error}");
     }

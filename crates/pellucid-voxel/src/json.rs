@@ -4,12 +4,14 @@ use std::fmt;
 
 use serde::de::{self, Deserialize, DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
-use crate::{Channels, Material, MaterialTable, VoxelError};
+use crate::{Anisotropy, Channels, Material, MaterialTable, MeasuredSpectra, VoxelError, WIDEST_GAP_NM};
 
 impl MaterialTable {
     /// From JSON text:
     /// `{"channel_names": ["R", "G", "B"], "materials": [{"name": …, "sigma_s": […], "sigma_a": […], "g": …}, …]}`.
-    /// Instead of names, `"channels": {"bands": {"start_nm": 400, "step_nm": 10, "count": 31}}` is possible.
+    /// Instead of names, `"channels": {"bands": {"start_nm": 400, "step_nm": 10, "count": 31}}` is possible, and
+    /// `"wavelengths_nm": […]`, for all materials or in each: measured spectra, which become [`MeasuredSpectra::BANDS`]
+    /// where no gap is wider than [`WIDEST_GAP_NM`]. `g` is a number, or a list like the others.
     ///
     /// ```
     /// let error = pellucid_voxel::MaterialTable::from_json(
@@ -36,6 +38,16 @@ impl MaterialTable {
         let path = path.as_ref();
         let text = pellucid_core::files::read_text_bounded(path, Self::MAX_FILE_BYTES)?;
         Self::from_json(&text).map_err(|error| error.in_file(path))
+    }
+}
+
+impl MeasuredSpectra {
+    /// From JSON text: a material table with `"wavelengths_nm"`, for all materials or in each, in place of channels.
+    ///
+    /// # Errors
+    /// [`VoxelError::Invalid`] naming line and column of what is no such table, and as [`MeasuredSpectra::new`].
+    pub fn from_json(text: &str) -> Result<Self, VoxelError> {
+        raw(text)?.measured()
     }
 }
 
@@ -102,15 +114,58 @@ fn sigma_a<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f32>, D::Er
     Numbers("sigma_a").deserialize(deserializer)
 }
 
-fn g<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f32, D::Error> {
-    Number::deserialize(deserializer).map(|n| n.0 as f32).map_err(|e| within("g", e))
+/// A number, or a list of numbers.
+struct Cosines;
+
+impl<'de> Visitor<'de> for Cosines {
+    type Value = Anisotropy;
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number, or a list of numbers, one a channel")
+    }
+    fn visit_f64<E: de::Error>(self, v: f64) -> Result<Anisotropy, E> {
+        Ok(Anisotropy::Uniform(v as f32))
+    }
+    fn visit_u64<E: de::Error>(self, v: u64) -> Result<Anisotropy, E> {
+        self.visit_f64(v as f64)
+    }
+    fn visit_i64<E: de::Error>(self, v: i64) -> Result<Anisotropy, E> {
+        self.visit_f64(v as f64)
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Anisotropy, A::Error> {
+        Numbers("g").visit_seq(list).map(Anisotropy::PerChannel)
+    }
+}
+
+fn g<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Anisotropy, D::Error> {
+    deserializer.deserialize_any(Cosines).map_err(|e| within("g", e))
 }
 
 fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     String::deserialize(deserializer).map_err(|e| within("name", e))
 }
 
+/// A material, and its own wavelengths where it has some.
+struct RawMaterial {
+    wavelengths_nm: Option<Vec<f64>>,
+    material: Material,
+}
+
+fn wavelengths_nm<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<f64>>, D::Error> {
+    let list = Vec::<Number>::deserialize(deserializer).map_err(|e| within("wavelengths_nm", e))?;
+    Ok(Some(list.into_iter().map(|n| n.0).collect()))
+}
+
 impl<'de> Deserialize<'de> for Material {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let RawMaterial { wavelengths_nm, material } = RawMaterial::deserialize(deserializer)?;
+        match wavelengths_nm {
+            None => Ok(material),
+            Some(_) => Err(within("wavelengths_nm", "only a table knows which bands they become")),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for RawMaterial {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(serde::Deserialize)]
         #[serde(expecting = "a material with name, sigma_s, sigma_a and g")]
@@ -122,22 +177,24 @@ impl<'de> Deserialize<'de> for Material {
             #[serde(deserialize_with = "sigma_a")]
             sigma_a: Vec<f32>,
             #[serde(deserialize_with = "g")]
-            g: f32,
+            g: Anisotropy,
+            #[serde(default, deserialize_with = "wavelengths_nm")]
+            wavelengths_nm: Option<Vec<f64>>,
         }
-        let Raw { name, sigma_s, sigma_a, g } = Raw::deserialize(deserializer)?;
-        Ok(Self { name, sigma_s, sigma_a, g })
+        let Raw { name, sigma_s, sigma_a, g, wavelengths_nm } = Raw::deserialize(deserializer)?;
+        Ok(Self { wavelengths_nm, material: Material { name, sigma_s, sigma_a, g } })
     }
 }
 
 /// The list of materials; an error names the material by its place, as its name may not be read yet.
-fn materials<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Material>, D::Error> {
+fn materials<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<RawMaterial>, D::Error> {
     struct List;
     impl<'de> Visitor<'de> for List {
-        type Value = Vec<Material>;
+        type Value = Vec<RawMaterial>;
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             f.write_str("a list of materials")
         }
-        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<Material>, A::Error> {
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<RawMaterial>, A::Error> {
             let mut found = Vec::new();
             loop {
                 let place = found.len() + 1;
@@ -183,19 +240,25 @@ impl<'de> Deserialize<'de> for Channels {
 
 /// A table as it stands in a file.
 #[derive(serde::Deserialize)]
-#[serde(expecting = "a material table with channel_names (or channels) and materials")]
+#[serde(expecting = "a material table with channel_names (or channels, or wavelengths_nm) and materials")]
 struct RawTable {
     channel_names: Option<Vec<String>>,
     channels: Option<Channels>,
+    #[serde(default, deserialize_with = "wavelengths_nm")]
+    wavelengths_nm: Option<Vec<f64>>,
     #[serde(deserialize_with = "materials")]
-    materials: Vec<Material>,
+    materials: Vec<RawMaterial>,
 }
 
 impl RawTable {
     fn checked(self) -> Result<MaterialTable, VoxelError> {
+        if self.wavelengths_nm.is_some() || self.materials.iter().any(|m| m.wavelengths_nm.is_some()) {
+            return self.measured()?.to_bands(&MeasuredSpectra::BANDS, WIDEST_GAP_NM);
+        }
+        let materials = self.materials.into_iter().map(|m| m.material).collect();
         match (self.channel_names, self.channels) {
-            (Some(names), None) => MaterialTable::new(names, self.materials),
-            (None, Some(channels)) => MaterialTable::over(channels, self.materials),
+            (Some(names), None) => MaterialTable::new(names, materials),
+            (None, Some(channels)) => MaterialTable::over(channels, materials),
             (None, None) => Err(VoxelError::invalid(
                 "channel_names",
                 "missing; give names such as [\"R\", \"G\", \"B\"], or \"channels\"",
@@ -204,6 +267,26 @@ impl RawTable {
                 Err(VoxelError::invalid("channel_names", "given beside \"channels\"; give one of the two"))
             }
         }
+    }
+}
+
+impl RawTable {
+    fn measured(self) -> Result<MeasuredSpectra, VoxelError> {
+        if self.channel_names.is_some() || self.channels.is_some() {
+            let reason = "given beside channels; give one of the two";
+            return Err(VoxelError::invalid("wavelengths_nm", reason));
+        }
+        let materials = self.materials.into_iter().map(|RawMaterial { wavelengths_nm, material }| {
+            match (wavelengths_nm, &self.wavelengths_nm) {
+                (Some(own), _) => Ok((own, material)),
+                (None, Some(all)) => Ok((all.clone(), material)),
+                (None, None) => Err(VoxelError::invalid(
+                    format!("material {:?}, wavelengths_nm", material.name),
+                    "missing; give a list here, or one for all materials",
+                )),
+            }
+        });
+        MeasuredSpectra::new(materials.collect::<Result<_, _>>()?)
     }
 }
 
@@ -230,9 +313,12 @@ impl serde::Serialize for MaterialTable {
 
 /// Parses a table.
 pub(crate) fn parse(text: &str) -> Result<MaterialTable, VoxelError> {
-    let raw: RawTable = serde_json::from_str(text)
-        .map_err(|error| VoxelError::invalid("material table", pellucid_core::json::plain(&error)))?;
-    raw.checked()
+    raw(text)?.checked()
+}
+
+fn raw(text: &str) -> Result<RawTable, VoxelError> {
+    serde_json::from_str(text)
+        .map_err(|error| VoxelError::invalid("material table", pellucid_core::json::plain(&error)))
 }
 
 #[cfg(test)]
@@ -247,7 +333,12 @@ mod tests {
     }
 
     fn material(channels: usize) -> Material {
-        Material { name: "white".into(), sigma_s: vec![6.0; channels], sigma_a: vec![0.1; channels], g: 0.4 }
+        Material {
+            name: "white".into(),
+            sigma_s: vec![6.0; channels],
+            sigma_a: vec![0.1; channels],
+            g: 0.4.into(),
+        }
     }
 
     #[test]
@@ -270,6 +361,36 @@ mod tests {
         }
         let text = serde_json::to_string(&MaterialTable::cmykw()).unwrap();
         assert!(text.starts_with(r#"{"channel_names":["R","G","B"],"materials":[{"name":"cyan","#), "{text}");
+    }
+
+    #[test]
+    fn measured_spectra_become_bands() {
+        let list = |step: usize, of: &dyn Fn(usize) -> f64| {
+            let values = (390..=710).step_by(step).map(|nm| of(nm).to_string()).collect::<Vec<_>>();
+            format!("[{}]", values.join(", "))
+        };
+        let own = list(20, &|nm| nm as f64);
+        let text = format!(
+            r#"{{"wavelengths_nm": {}, "materials": [
+            {{"name": "a", "sigma_s": {}, "sigma_a": {}, "g": 0.4}},
+            {{"name": "b", "wavelengths_nm": {own}, "sigma_s": {own}, "sigma_a": {own}, "g": {}}}]}}"#,
+            list(10, &|nm| nm as f64),
+            list(10, &|nm| nm as f64 * 0.01),
+            list(10, &|_| 0.5),
+            list(20, &|nm| nm as f64 * 0.001),
+        );
+        let table = MaterialTable::from_json(&text).unwrap();
+        assert_eq!(table.spectrum(), &MeasuredSpectra::BANDS);
+        assert_eq!((table.materials()[0].sigma_s[15], table.materials()[1].sigma_a[30]), (5.5, 700.0));
+        assert!((table.materials()[1].g.at(10) - 0.5).abs() < 1e-6);
+        let back = MaterialTable::from_json(&serde_json::to_string(&table).unwrap()).unwrap();
+        assert_eq!(back, table);
+        let refused = |from: &str, to: &str| {
+            MaterialTable::from_json(&text.replacen(from, to, 1)).unwrap_err().to_string()
+        };
+        assert!(refused("{", "{\"channel_names\": [\"R\"], ").contains("one of the two"));
+        assert!(refused("[390, 400, 410, 420, 430", "[390, 430").contains("\"a\", sigma_s"));
+        assert!(refused("\"wavelengths_nm\"", "\"nm\"").contains("material \"a\", wavelengths_nm"));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`Pitch`], [`Frame`] | voxel edge lengths, and what places a grid in millimetres |
 //! | [`Channels`], [`MaterialTable`] | what channels stand for; scattering and absorption of the print materials |
+//! | [`MeasuredSpectra`] | materials measured at any wavelengths, and as bands |
 //! | [`LabelGrid`] | one material label a voxel in sparse tiles; from and to functions, dense arrays and bytes |
 //! | [`Surface`] | surface voxels, their outward normals and their positions in the list |
 //! | [`NearestSurface`] | the nearest surface voxel of every solid voxel to a depth |
@@ -16,6 +17,7 @@
 //! with x fastest; coordinates are written `[x, y, z]`. Label 0 is air.
 #![forbid(unsafe_code)]
 
+mod anisotropy;
 mod channels;
 mod eigen;
 mod envelope;
@@ -25,6 +27,7 @@ mod grid;
 #[cfg(feature = "serde")]
 mod json;
 mod material;
+mod measured;
 mod nearest;
 mod nearest_block;
 mod normal_window;
@@ -40,11 +43,13 @@ mod surface_index;
 mod surface_list;
 mod thickness;
 
+pub use anisotropy::Anisotropy;
 pub use channels::Channels;
 pub use error::VoxelError;
 pub use fresnel::internal_reflectance;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
+pub use measured::{MeasuredSpectra, WIDEST_GAP_NM};
 pub use nearest::NearestSurface;
 pub use order::{near_key, near_order};
 pub use pellucid_core::{Cancelled, Control, Progress};

@@ -1,6 +1,6 @@
 //! Print materials: scattering and absorption per channel.
 
-use crate::{Channels, VoxelError};
+use crate::{Anisotropy, Channels, VoxelError};
 
 /// One print material. Labels in a grid are 1-based positions in a [`MaterialTable`].
 #[derive(Clone, Debug, PartialEq)]
@@ -13,18 +13,18 @@ pub struct Material {
     /// Absorption coefficient per channel, 1/mm, finite and at least 0.
     pub sigma_a: Vec<f32>,
     /// Henyey-Greenstein mean cosine, within -0.99..=0.99.
-    pub g: f32,
+    pub g: Anisotropy,
 }
 
 impl Material {
     /// From single-scattering albedo and extinction per channel, as measurements are tabulated.
-    pub fn from_albedo(name: &str, albedo: &[f64], sigma_t: &[f64], g: f32) -> Self {
+    pub fn from_albedo(name: &str, albedo: &[f64], sigma_t: &[f64], g: impl Into<Anisotropy>) -> Self {
         let pairs = || albedo.iter().zip(sigma_t);
         Self {
             name: name.to_owned(),
             sigma_s: pairs().map(|(a, t)| (a * t) as f32).collect(),
             sigma_a: pairs().map(|(a, t)| ((1.0 - a) * t) as f32).collect(),
-            g,
+            g: g.into(),
         }
     }
 }
@@ -70,7 +70,7 @@ impl MaterialTable {
     ///
     /// # Errors
     /// [`VoxelError::Invalid`] naming the material when a coefficient is negative or not finite,
-    /// `g` lies outside -0.99..=0.99, a channel is missing or a name repeats;
+    /// a `g` lies outside -0.99..=0.99, a channel is missing or a name repeats;
     /// [`VoxelError::Unsupported`] past the limits above.
     pub fn new(channel_names: Vec<String>, materials: Vec<Material>) -> Result<Self, VoxelError> {
         let channels = Channels::of_names(&channel_names).checked()?;
@@ -83,7 +83,7 @@ impl MaterialTable {
     /// ```
     /// use pellucid_voxel::{Channels, Material, MaterialTable};
     /// let five = Channels::Bands { start_nm: 420.0, step_nm: 65.0, count: 5 };
-    /// let grey = Material { name: "grey".into(), sigma_s: vec![4.0; 5], sigma_a: vec![0.5; 5], g: 0.4 };
+    /// let grey = Material { name: "grey".into(), sigma_s: vec![4.0; 5], sigma_a: vec![0.5; 5], g: 0.4.into() };
     /// let table = MaterialTable::over(five.clone(), vec![grey])?;
     /// assert_eq!((table.channels(), table.spectrum()), (5, &five));
     /// assert_eq!(table.channel_names()[1], "485 nm");
@@ -176,7 +176,7 @@ impl MaterialTable {
 }
 
 /// Checks number, names and coefficients of materials over `channels` channels.
-fn check(channels: usize, materials: &[Material]) -> Result<(), VoxelError> {
+pub(crate) fn check(channels: usize, materials: &[Material]) -> Result<(), VoxelError> {
     if materials.is_empty() {
         return Err(VoxelError::invalid("materials", "there are none; give at least one"));
     }
@@ -188,10 +188,18 @@ fn check(channels: usize, materials: &[Material]) -> Result<(), VoxelError> {
         if materials[..i].iter().any(|other| other.name == m.name) {
             return Err(VoxelError::invalid(format!("material {:?}", m.name), "the name is used twice"));
         }
-        if !(-0.99..=0.99).contains(&m.g) {
+        if let Some(bad) = m.g.values().iter().find(|g| !(-0.99..=0.99).contains(*g)) {
             return Err(VoxelError::invalid(
                 format!("material {:?}, g", m.name),
-                format!("{} must lie within -0.99 to 0.99", m.g),
+                format!("{bad} must lie within -0.99 to 0.99"),
+            ));
+        }
+        if let Anisotropy::PerChannel(list) = &m.g
+            && list.len() != channels
+        {
+            return Err(VoxelError::invalid(
+                format!("material {:?}, g", m.name),
+                format!("has {} values for {channels} channels; give as many, or one number", list.len()),
             ));
         }
         for (what, values) in [("sigma_s", &m.sigma_s), ("sigma_a", &m.sigma_a)] {
@@ -239,7 +247,10 @@ mod tests {
             let error = with(|m| m.sigma_a[2] = bad).unwrap_err();
             assert!(error.to_string().contains("magenta"), "{error}");
         }
-        assert!(with(|m| m.g = 1.0).is_err());
+        assert!(with(|m| m.g = 1.0.into()).is_err());
+        assert!(with(|m| m.g = Anisotropy::PerChannel(vec![0.1, -1.0, 0.2])).is_err());
+        assert!(with(|m| m.g = Anisotropy::PerChannel(vec![0.1, 0.2])).is_err());
+        assert!(with(|m| m.g = Anisotropy::PerChannel(vec![0.1, 0.2, 0.3])).is_ok());
         assert!(with(|m| m.name = "cyan".into()).is_err());
         assert!(with(|m| m.sigma_s.truncate(2)).is_err());
     }

@@ -64,9 +64,8 @@ fn geometry(name: &str) -> Result<Geometry, String> {
 }
 
 fn illuminant(name: &str) -> Result<Illuminant, String> {
-    let known = [("d50", Illuminant::D50), ("d65", Illuminant::D65), ("e", Illuminant::E)];
-    let found = known.into_iter().find(|(known, _)| known.eq_ignore_ascii_case(name));
-    found.map(|(_, light)| light).ok_or_else(|| "a light is d50, d65 or e".to_owned())
+    let known = || Illuminant::ALL.map(Illuminant::name).join(", ");
+    Illuminant::from_name(name).ok_or_else(|| format!("a light is one of {}", known()))
 }
 
 /// The name is empty for all materials.

@@ -136,7 +136,7 @@ pub fn fit(
         name: plan.names[m].clone(),
         sigma_s: fits.iter().map(|fit| fit.coefficients[m][0] as f32).collect(),
         sigma_a: fits.iter().map(|fit| fit.coefficients[m][1] as f32).collect(),
-        g: plan.g[m] as f32,
+        g: (plan.g[m] as f32).into(),
     });
     Ok(Calibration {
         materials: MaterialTable::over(measurements.channels().clone(), materials.collect())?,

@@ -5,7 +5,7 @@ use pellucid_voxel::Channels;
 use super::table::{Row, Table};
 use crate::ColorError;
 use crate::space::{Lab, Xyz, srgb_decode};
-use crate::spectrum::Illuminant;
+use crate::spectrum::{Conditions, Illuminant};
 
 /// What was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +96,7 @@ impl Columns {
             Illuminant::D50 => Xyz::D50,
             Illuminant::D65 => Xyz::D65,
             Illuminant::E => Xyz::E,
+            Illuminant::A | Illuminant::F11 | Illuminant::Led => Conditions::from(illuminant).white(),
         };
         let seen = |xyz: Xyz| xyz.adapt(white, Xyz::D65).to_linear_rgb().to_vec();
         Ok(Some(match (self.quantity, values.as_slice()) {

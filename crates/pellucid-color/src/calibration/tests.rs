@@ -185,7 +185,7 @@ fn spectra_of_other_materials_are_fitted_too() {
         name: name.into(),
         sigma_s: s.to_vec(),
         sigma_a: a.to_vec(),
-        g: 0.4,
+        g: 0.4.into(),
     };
     let table = MaterialTable::over(
         bands.clone(),

@@ -16,7 +16,7 @@ use crate::ColorError;
 use crate::curve::ReflectanceCurve;
 use crate::intent::MediaWhite;
 use crate::plane_parallel::{Layer, Solver};
-use crate::spectrum::Illuminant;
+use crate::spectrum::{Conditions, Illuminant};
 use crate::viewing::Viewing;
 
 /// Most materials in a mixture: the starts of its inverse grow with a power of their number.
@@ -61,7 +61,8 @@ impl MixtureModel {
         Self::under(table, white, refractive_index, Illuminant::D65)
     }
 
-    /// As [`Self::new`] under another illuminant; it changes how bands are seen ([`Illuminant::rows_for`]).
+    /// As [`Self::new`] under another illuminant, or for another observer; it changes how bands are seen
+    /// ([`Conditions::rows_for`]).
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -69,9 +70,9 @@ impl MixtureModel {
         table: &MaterialTable,
         white: &str,
         refractive_index: f64,
-        illuminant: Illuminant,
+        conditions: impl Into<Conditions>,
     ) -> Result<Self, ColorError> {
-        Self::with_weights(table, white, refractive_index, illuminant.rows_for(table.spectrum())?)
+        Self::with_weights(table, white, refractive_index, conditions.into().rows_for(table.spectrum())?)
     }
 
     /// As [`Self::new`] with rows of one's own from channels to linear RGB.
@@ -91,9 +92,9 @@ impl MixtureModel {
         let mut scattering = absorption.clone();
         let (mut g_low, mut g_high) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, material) in table.materials().iter().enumerate() {
-            let g = f64::from(material.g);
-            (g_low, g_high) = (g_low.min(g), g_high.max(g));
             for channel in 0..channels {
+                let g = f64::from(material.g.at(channel));
+                (g_low, g_high) = (g_low.min(g), g_high.max(g));
                 let (s, a) = (f64::from(material.sigma_s[channel]), f64::from(material.sigma_a[channel]));
                 if s + a == 0.0 {
                     return Err(ColorError::invalid(

@@ -18,7 +18,7 @@ fn model() -> MixtureModel {
 fn varied_table() -> MaterialTable {
     let mut materials = MaterialTable::cmykw().materials().to_vec();
     for (material, g) in materials.iter_mut().zip([0.1, 0.4, 0.55, 0.0, 0.3]) {
-        material.g = g;
+        material.g = g.into();
     }
     materials.push(Material::from_albedo("light cyan", &[0.6, 0.95, 0.99], &[7.0, 6.0, 8.0], 0.5));
     MaterialTable::new(["R", "G", "B"].map(str::to_owned).to_vec(), materials).unwrap()
@@ -82,7 +82,7 @@ fn slabs_and_skins_agree_with_the_solver() {
             let f = f64::from(*f);
             sigma_s += f * f64::from(material.sigma_s[1]);
             sigma_a += f * f64::from(material.sigma_a[1]);
-            forward += f * f64::from(material.sigma_s[1]) * f64::from(material.g);
+            forward += f * f64::from(material.sigma_s[1]) * f64::from(material.g.at(1));
         }
         let layer = |thickness_mm| Layer { sigma_s, sigma_a, g: forward / sigma_s, thickness_mm };
         let green = |model: &MixtureModel| model.linear_rgb(&mixture)[1];
@@ -233,7 +233,7 @@ fn spectral_table_agrees_with_its_bands() {
             name: m.name.clone(),
             sigma_s: (0..BANDS).map(|band| m.sigma_s[band_of(band)]).collect(),
             sigma_a: (0..BANDS).map(|band| m.sigma_a[band_of(band)]).collect(),
-            g: m.g,
+            g: m.g.clone(),
         })
         .collect();
     let names = (0..BANDS).map(|band| format!("{} nm", crate::spectrum::wavelength_nm(band))).collect();
@@ -262,7 +262,7 @@ fn two_inks(channels: &Channels) -> MaterialTable {
         name: name.into(),
         sigma_s: (0..channels.count()).map(|c| 5.0 + c as f32 / 8.0).collect(),
         sigma_a: (0..channels.count()).map(|c| absorbed / (1.0 + c as f32 / 4.0)).collect(),
-        g: 0.4,
+        g: 0.4.into(),
     };
     MaterialTable::over(channels.clone(), vec![ink("ink", 3.0), ink("white", 0.01)]).unwrap()
 }
@@ -328,7 +328,7 @@ fn refuses_bad_tables_by_name() {
                 name: name.into(),
                 sigma_s: vec![if name == "clear" { sigma } else { 1.0 }; 2],
                 sigma_a: vec![0.0; 2],
-                g: 0.0,
+                g: 0.0.into(),
             })
             .to_vec()
     };

@@ -148,12 +148,13 @@ impl Solver {
     /// # Errors
     /// [`ColorError::Invalid`] naming the material where it neither scatters nor absorbs.
     pub fn thick_block(&self, material: &Material) -> Result<Vec<f64>, ColorError> {
-        let g = f64::from(material.g);
         material
             .sigma_s
             .iter()
             .zip(&material.sigma_a)
-            .map(|(&s, &a)| {
+            .enumerate()
+            .map(|(channel, (&s, &a))| {
+                let g = f64::from(material.g.at(channel));
                 let layer = Layer { sigma_s: s.into(), sigma_a: a.into(), g, thickness_mm: f64::INFINITY };
                 self.radiance_normal(&[layer]).map_err(|error| match error {
                     ColorError::Invalid(fault) => {

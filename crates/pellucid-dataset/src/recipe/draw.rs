@@ -68,7 +68,7 @@ impl Recipe {
             name: m.name.clone(),
             sigma_s: scaled(&m.sigma_s),
             sigma_a: scaled(&m.sigma_a),
-            g: m.g,
+            g: m.g.clone(),
         });
         MaterialTable::over(table.spectrum().clone(), materials.collect())
     }

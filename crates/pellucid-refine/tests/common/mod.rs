@@ -57,7 +57,7 @@ pub fn table(channels: usize) -> MaterialTable {
                 name: (*name).to_owned(),
                 sigma_s: vec![5.0; n],
                 sigma_a: vec![1.0; n],
-                g: 0.4,
+                g: 0.4.into(),
             };
             let names = ["cyan", "magenta", "yellow", "black", "white"];
             let channels = (0..n).map(|k| format!("channel {k}")).collect();

@@ -86,7 +86,7 @@ pub fn table_of(materials: usize, channels: usize, seed: u64, scale: f64) -> Mat
             name: format!("m{m}"),
             sigma_s: (0..channels).map(|c| value(m, c, 0)).collect(),
             sigma_a: (0..channels).map(|c| value(m, c, 1)).collect(),
-            g: 0.4,
+            g: 0.4.into(),
         })
         .collect();
     MaterialTable::new((0..channels).map(|c| format!("c{c}")).collect(), materials).unwrap()

@@ -31,6 +31,7 @@ pub(crate) struct Cells {
 
 impl Cells {
     /// For the solid voxels that `out` wants.
+    /// `phases` is the most phase functions that a channel has.
     pub(crate) fn new(volume: &Volume, out: &dyn Derivatives, phases: usize) -> Result<Self, TraceError> {
         let size = volume.frame().size();
         let region = out.region().unwrap_or([[0; 3], size]);
@@ -91,7 +92,7 @@ impl Cells {
     /// function.
     #[inline(always)]
     pub(crate) fn scatter(&self, cell: u32, value: f32, phases: &Phases, byte: u32, cosine: f32) {
-        for (k, sum) in self.sums(cell)[1..].iter().enumerate() {
+        for (k, sum) in self.sums(cell)[1..].iter().enumerate().take(phases.len()) {
             add(sum, value * phases.ratio(k, byte, cosine));
         }
     }

@@ -7,7 +7,7 @@ use crate::phase::cosine_density;
 /// Below this in 1/mm a material counts as clear.
 const CLEAR: f32 = 1e-6;
 
-/// The phase functions of a table, and a channel's scattering by palette position.
+/// The phase functions of a table in a channel, and a channel's scattering by palette position.
 pub(crate) struct Phases {
     /// The different mean cosines.
     cosines: Vec<f32>,
@@ -26,8 +26,9 @@ impl Phases {
             .materials()
             .iter()
             .map(|m| {
-                cosines.iter().position(|&g| g == m.g).unwrap_or_else(|| {
-                    cosines.push(m.g);
+                let own = m.g.at(channel);
+                cosines.iter().position(|&g| g == own).unwrap_or_else(|| {
+                    cosines.push(own);
                     cosines.len() - 1
                 })
             })
@@ -35,7 +36,7 @@ impl Phases {
         let (mut by_position, mut inv_sigma_s) = ([0.0; 16], [0.0; 16]);
         for (p, &label) in palette.iter().enumerate() {
             if let Some(m) = materials.get(label) {
-                by_position[p] = m.g;
+                by_position[p] = m.g.at(channel);
                 inv_sigma_s[p] = if m.sigma_s[channel] >= CLEAR { 1.0 / m.sigma_s[channel] } else { 0.0 };
             }
         }

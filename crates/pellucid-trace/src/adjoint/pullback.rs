@@ -84,7 +84,8 @@ impl Tracer<'_> {
         let total = plans.iter().map(Plan::paths).sum();
         let done = AtomicU64::new(0);
         let phases = |c| Phases::new(&self.materials, self.volume.palette(), c);
-        let mut cells = Cells::new(self.volume, out, phases(0).len())?;
+        let most = (0..self.channels()).map(|c| phases(c).len()).max().unwrap_or(1);
+        let mut cells = Cells::new(self.volume, out, most)?;
         if cells.is_empty() {
             return Ok(0);
         }

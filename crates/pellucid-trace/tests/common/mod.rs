@@ -59,7 +59,12 @@ pub fn table(rows: &[(f32, f32, f32)]) -> MaterialTable {
     let materials = rows
         .iter()
         .enumerate()
-        .map(|(i, &(s, a, g))| Material { name: format!("m{i}"), sigma_s: vec![s], sigma_a: vec![a], g })
+        .map(|(i, &(s, a, g))| Material {
+            name: format!("m{i}"),
+            sigma_s: vec![s],
+            sigma_a: vec![a],
+            g: g.into(),
+        })
         .collect();
     MaterialTable::new(vec!["x".into()], materials).unwrap()
 }

@@ -133,7 +133,7 @@ pub fn rgb(rows: &[([(f32, f32); 3], f32)]) -> MaterialTable {
             name: format!("m{i}"),
             sigma_s: channels.map(|c| c.0).to_vec(),
             sigma_a: channels.map(|c| c.1).to_vec(),
-            g: *g,
+            g: (*g).into(),
         })
         .collect();
     MaterialTable::new(["r", "g", "b"].map(str::to_string).to_vec(), materials).unwrap()

@@ -85,8 +85,12 @@ impl Chart {
         }
         let names = settings.inks.iter().chain([&settings.black, &settings.white]);
         // Only names matter: what the materials do is what will be measured.
-        let material =
-            |name: &String| Material { name: name.clone(), sigma_s: vec![0.0], sigma_a: vec![0.0], g: 0.0 };
+        let material = |name: &String| Material {
+            name: name.clone(),
+            sigma_s: vec![0.0],
+            sigma_a: vec![0.0],
+            g: 0.0.into(),
+        };
         let channels = Channels::Named(vec!["unknown".into()]);
         let materials = MaterialTable::over(channels, names.map(material).collect())?;
         pellucid_slice::check_materials(printer, &materials, 1..=materials.len() as u8)?;

@@ -1,15 +1,22 @@
 //! Spectral radiance to colour: bands at any wavelengths from 360 to 830 nm, and the usual 31 from 400 to 700 nm in
 //! steps of 10 nm.
 //!
-//! Uses the tabulated CIE 1931 2° observer and illuminants (`CIE 15`), not an analytic fit.
+//! Uses the tabulated observers and illuminants of the CIE (`CIE 15`), not analytic fits. What an [`Illuminant`] does by
+//! itself is for the CIE 1931 observer with Bradford's adaptation; [`Conditions`] have any.
 
 use pellucid_voxel::Channels;
 
+mod cie;
+mod conditions;
+mod illuminant;
+mod lamps;
+
 use crate::ColorError;
 use crate::space::Xyz;
-use crate::spectrum_data::{D50, D65, STEP_NM, linear, observer};
 
-pub use crate::spectrum_data::VISIBLE_NM;
+pub use cie::VISIBLE_NM;
+pub use conditions::{Adaptation, Conditions, Observer};
+pub use illuminant::Illuminant;
 
 /// Number of bands of the usual spectra.
 pub const BANDS: usize = 31;
@@ -23,34 +30,11 @@ pub fn wavelength_nm(band: usize) -> f64 {
     400.0 + 10.0 * band as f64
 }
 
-/// The light a print is seen under.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Illuminant {
-    /// Average daylight.
-    #[default]
-    D65,
-    /// Horizon daylight, the graphic arts' viewing light.
-    D50,
-    /// Equal energy.
-    E,
-}
-
 impl Illuminant {
-    /// Relative power at a wavelength, linear between the tabulated ones as the CIE has it.
-    fn power(self, nm: f64) -> f64 {
-        let table = match self {
-            Self::D65 => &D65,
-            Self::D50 => &D50,
-            Self::E => return 100.0,
-        };
-        linear(table, nm)
-    }
-
     /// Rows X, Y, Z over the 31 bands: the weights of a reflectance or radiance factor, scaled so
     /// that a factor of 1 in every band has Y = 1.
     pub fn xyz_weights(self) -> [[f64; BANDS]; 3] {
-        let weights = self.xyz_over(&std::array::from_fn::<_, BANDS, _>(wavelength_nm));
+        let weights = Conditions::from(self).xyz_over(&std::array::from_fn::<_, BANDS, _>(wavelength_nm));
         std::array::from_fn(|i| std::array::from_fn(|band| weights[i][band]))
     }
 
@@ -62,15 +46,13 @@ impl Illuminant {
     /// Rows of the matrix from the 31 bands to linear Rec.709: XYZ, Bradford-adapted from this
     /// illuminant's white over the bands to D65. A factor of 1 in every band gives exactly white.
     pub fn linear_rgb_weights(self) -> [[f64; BANDS]; 3] {
-        let rows = to_linear_rgb(&self.xyz_over(&std::array::from_fn::<_, BANDS, _>(wavelength_nm)));
+        let conditions = Conditions::from(self);
+        let weights = conditions.xyz_over(&std::array::from_fn::<_, BANDS, _>(wavelength_nm));
+        let rows = to_linear_rgb(&weights, conditions.adaptation);
         std::array::from_fn(|i| std::array::from_fn(|band| rows[i][band]))
     }
 
     /// [`Illuminant::linear_rgb_weights`] for bands at any wavelengths in nm, ascending or descending.
-    ///
-    /// Between bands the spectrum is taken as a straight line, and beyond the ends as level for half a step. Bands of
-    /// up to 10 nm are weighed at their own wavelengths, wider ones by integrating over that line, so that five bands
-    /// serve as well as a spectrum of five points can.
     ///
     /// ```
     /// use pellucid_color::spectrum::Illuminant;
@@ -83,93 +65,17 @@ impl Illuminant {
     /// ```
     ///
     /// # Errors
-    /// [`ColorError::Invalid`] when wavelengths do not ascend or descend strictly; [`ColorError::Unsupported`]
-    /// outside [`VISIBLE_NM`], and for bands that tell no colour: fewer than 2, or so few or so far to one end that
-    /// their white is not near the illuminant's.
+    /// As [`Conditions::weights_for`].
     pub fn weights_for(self, wavelengths_nm: &[f64]) -> Result<[Vec<f64>; 3], ColorError> {
-        check_wavelengths(wavelengths_nm)?;
-        let ascending = wavelengths_nm[0] < wavelengths_nm[1];
-        let mut nm = wavelengths_nm.to_vec();
-        if !ascending {
-            nm.reverse();
-        }
-        let weights = self.xyz_over(&nm);
-        let (white, own) = (row_sums(&weights), self.white());
-        let near = |a: f64, b: f64| (0.5..=2.0).contains(&(a / b));
-        if !near(white.x, own.x) || !near(white.z, own.z) {
-            let (low, high) = (nm[0], nm[nm.len() - 1]);
-            return Err(ColorError::unsupported(
-                "bands",
-                format!(
-                    "{} from {low} to {high} nm do not span what an eye sees; cover about 430 to 670 nm, or give rows \
-                     of your own",
-                    nm.len()
-                ),
-            ));
-        }
-        let mut rows = to_linear_rgb(&weights);
-        if !ascending {
-            rows.iter_mut().for_each(|row| row.reverse());
-        }
-        Ok(rows)
+        Conditions::from(self).weights_for(wavelengths_nm)
     }
 
-    /// Rows of the matrix from any channels to linear Rec.709: R, G, B are themselves under every illuminant, two or
-    /// more bands as [`Illuminant::weights_for`], one channel and channels without a wavelength the mean as grey.
+    /// Rows of the matrix from any channels to linear Rec.709, as [`Conditions::rows_for`].
     ///
     /// # Errors
-    /// As [`Illuminant::weights_for`]; [`ColorError::Unsupported`] for wavelengths that are named but not evenly
-    /// spaced.
+    /// As there.
     pub fn rows_for(self, channels: &Channels) -> Result<[Vec<f64>; 3], ColorError> {
-        let grey = |count: usize| std::array::from_fn(|_| vec![1.0 / count as f64; count]);
-        match channels {
-            Channels::Rgb => Ok([vec![1.0, 0.0, 0.0], vec![0.0, 1.0, 0.0], vec![0.0, 0.0, 1.0]]),
-            Channels::Bands { count: 1, .. } => Ok(grey(1)),
-            Channels::Bands { .. } => self.weights_for(&channels.wavelengths_nm().collect::<Vec<_>>()),
-            Channels::Named(names) if names.len() > 1 && names.iter().all(|n| n.trim().ends_with("nm")) => {
-                Err(ColorError::unsupported(
-                    "channel names",
-                    "wavelengths that are not evenly spaced; resample them, or give rows of your own",
-                ))
-            }
-            Channels::Named(names) => Ok(grey(names.len())),
-        }
-    }
-
-    /// Rows X, Y, Z over ascending wavelengths, scaled so that 1 in every band has Y = 1.
-    fn xyz_over(self, nm: &[f64]) -> [Vec<f64>; 3] {
-        let weighed = |at: f64| observer(at).map(|v| v * self.power(at));
-        let mut rows: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; nm.len()]);
-        let mut add = |band: usize, weight: f64, xyz: [f64; 3]| {
-            rows.iter_mut().zip(xyz).for_each(|(row, v)| row[band] += v * weight);
-        };
-        let last = nm.len() - 1;
-        let gap = |k: usize| nm[k + 1] - nm[k];
-        if (0..last).all(|k| gap(k) <= STEP_NM * (1.0 + 1e-9)) {
-            for (k, &at) in nm.iter().enumerate() {
-                let width = 0.5 * (gap(k.saturating_sub(1)) + gap(k.min(last - 1)));
-                add(k, width / gap(0), weighed(at));
-            }
-        } else {
-            let (low, high) = (nm[0] - 0.5 * gap(0), nm[last] + 0.5 * gap(last - 1));
-            // Steps of 1 nm at most, each taken at its middle.
-            let steps = (high - low).ceil();
-            let mut k = 0;
-            for i in 0..steps as usize {
-                let at = low + (high - low) * (i as f64 + 0.5) / steps;
-                if !VISIBLE_NM.contains(&at) {
-                    continue;
-                }
-                while k + 1 < last && at > nm[k + 1] {
-                    k += 1;
-                }
-                let part = ((at - nm[k]) / gap(k)).clamp(0.0, 1.0);
-                add(k, 1.0 - part, weighed(at));
-                add(k + 1, part, weighed(at));
-            }
-        }
-        let luminance: f64 = rows[1].iter().sum();
-        rows.map(|row| row.into_iter().map(|v| v / luminance).collect())
+        Conditions::from(self).rows_for(channels)
     }
 }
 
@@ -201,11 +107,11 @@ fn row_sums(weights: &[Vec<f64>; 3]) -> Xyz {
 }
 
 /// From rows X, Y, Z to rows R, G, B, adapted from the rows' own white to D65.
-fn to_linear_rgb(weights: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
+fn to_linear_rgb(weights: &[Vec<f64>; 3], adaptation: Adaptation) -> [Vec<f64>; 3] {
     let white = row_sums(weights);
     let mut rows: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(weights[0].len()));
     for ((&x, &y), &z) in weights[0].iter().zip(&weights[1]).zip(&weights[2]) {
-        let rgb = Xyz { x, y, z }.adapt(white, Xyz::D65).to_linear_rgb();
+        let rgb = Xyz { x, y, z }.adapt_by(adaptation, white, Xyz::D65).to_linear_rgb();
         rows.iter_mut().zip(rgb).for_each(|(row, value)| row.push(value));
     }
     rows
@@ -246,8 +152,8 @@ pub fn spectrum_to_linear_rgb(factor: &[f64], illuminant: Illuminant) -> Result<
 
 #[cfg(test)]
 mod tests {
+    use super::cie::{D50, D65, MATCHING};
     use super::*;
-    use crate::spectrum_data::MATCHING;
 
     #[test]
     fn whites_are_near_the_standard_ones() {
@@ -288,7 +194,7 @@ mod tests {
         let power = |band: usize| match illuminant {
             Illuminant::D65 => D65[band + 4],
             Illuminant::D50 => D50[band + 4],
-            Illuminant::E => 100.0,
+            _ => 100.0,
         };
         let luminance: f64 = (0..BANDS).map(|band| MATCHING[band + 4][1] * power(band)).sum();
         let weights: [[f64; BANDS]; 3] = std::array::from_fn(|i| {
@@ -326,7 +232,7 @@ mod tests {
     fn the_whole_table_has_the_standard_whites() {
         let nm: Vec<f64> = (0..=94).map(|i| 360.0 + 5.0 * f64::from(i)).collect();
         for (illuminant, white) in ALL.into_iter().zip([Xyz::D65, Xyz::D50, Xyz::E]) {
-            let ours = row_sums(&illuminant.xyz_over(&nm));
+            let ours = row_sums(&Conditions::from(illuminant).xyz_over(&nm));
             // The standard whites are rounded to four digits of chromaticity, the table is one of 10 nm.
             assert!(
                 (ours.x - white.x).abs() < 5e-4 && (ours.z - white.z).abs() < 1.5e-3,
@@ -392,6 +298,63 @@ mod tests {
         assert!(matches!(refused(&[450.0, f64::NAN]), ColorError::Unsupported(_)));
         let uneven = Channels::Named(["450 nm", "500 nm", "600 nm"].map(str::to_owned).to_vec());
         assert!(Illuminant::D65.rows_for(&uneven).unwrap_err().to_string().contains("evenly"));
+    }
+
+    /// Chromaticities of the CIE's whites, x and y, for either observer (CIE 15).
+    #[test]
+    fn lights_have_their_chromaticities() {
+        use Illuminant::{A, D50, D65, F11, Led};
+        use Observer::{Cie1931, Cie1964};
+        for (illuminant, observer, x, y) in [
+            (A, Cie1931, 0.447_58, 0.407_45),
+            (F11, Cie1931, 0.380_54, 0.376_92),
+            (Led, Cie1931, 0.3756, 0.3723),
+            (D65, Cie1964, 0.313_82, 0.331),
+            (D50, Cie1964, 0.347_73, 0.359_52),
+            (A, Cie1964, 0.451_17, 0.405_94),
+            (F11, Cie1964, 0.385_41, 0.371_23),
+        ] {
+            let white = Conditions { illuminant, observer, ..Conditions::default() }.white();
+            let sum = white.x + white.y + white.z;
+            let (found_x, found_y) = (white.x / sum, white.y / sum);
+            // The observers' tables are of 10 nm, which narrow bands ask a little more of.
+            let off = (found_x - x).abs().max((found_y - y).abs());
+            assert!(
+                off < if illuminant.is_smooth() { 3e-4 } else { 8e-4 },
+                "{illuminant:?} {found_x} {found_y}"
+            );
+        }
+    }
+
+    #[test]
+    fn every_light_and_observer_sees_white_as_white() {
+        for illuminant in Illuminant::ALL {
+            for observer in [Observer::Cie1931, Observer::Cie1964] {
+                for adaptation in [Adaptation::Bradford, Adaptation::Cat16] {
+                    let conditions = Conditions { illuminant, observer, adaptation };
+                    for nm in [(0..31).map(wavelength_nm).collect(), vec![420.0, 485.0, 550.0, 615.0, 680.0]]
+                    {
+                        let rows = conditions.weights_for(&nm).unwrap();
+                        assert!(rows.iter().all(|row| (row.iter().sum::<f64>() - 1.0).abs() < 1e-9));
+                    }
+                }
+            }
+            assert_eq!(Illuminant::from_name(&illuminant.name().to_lowercase()), Some(illuminant));
+        }
+    }
+
+    #[test]
+    fn narrow_lines_are_seen_through_bands_of_10_nm() {
+        // A smooth spectrum under the three-band lamp: 31 bands agree with 401.
+        let colour = |nm: &[f64]| {
+            let rows = Illuminant::F11.weights_for(nm).unwrap();
+            rows.map(|row| row.iter().zip(nm).map(|(w, &at)| w * pigment(at)).sum::<f64>())
+        };
+        let fine: Vec<f64> = (0..401).map(|i| 380.0 + f64::from(i)).collect();
+        let bands: Vec<f64> = (0..31).map(wavelength_nm).collect();
+        for (a, b) in colour(&bands).iter().zip(colour(&fine)) {
+            assert!((a - b).abs() < 0.004, "{a} {b}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ const START_NM: f64 = 360.0;
 /// From one entry to the next in nm.
 pub(crate) const STEP_NM: f64 = 10.0;
 /// Number of entries.
-const ENTRIES: usize = 48;
+pub(crate) const ENTRIES: usize = 48;
 
 /// Wavelengths in nm over which the observer and the illuminants are tabulated.
 pub const VISIBLE_NM: std::ops::RangeInclusive<f64> = START_NM..=START_NM + STEP_NM * (ENTRIES - 1) as f64;
@@ -93,10 +93,10 @@ pub(crate) fn linear(table: &[f64; ENTRIES], nm: f64) -> f64 {
 }
 
 /// Colour matching functions at a wavelength, by a cubic through the four nearest entries (CIE 15, 7.2.1).
-pub(crate) fn observer(nm: f64) -> [f64; 3] {
+pub(crate) fn matching(table: &[[f64; 3]; ENTRIES], nm: f64) -> [f64; 3] {
     let (i, part) = entry(nm);
     if part == 0.0 {
-        return MATCHING[i];
+        return table[i];
     }
     let first = i.saturating_sub(1).min(ENTRIES - 4);
     let at = (i - first) as f64 + part;
@@ -104,7 +104,7 @@ pub(crate) fn observer(nm: f64) -> [f64; 3] {
     for k in 0..4 {
         let weight: f64 =
             (0..4).filter(|&j| j != k).map(|j| (at - j as f64) / (k as f64 - j as f64)).product();
-        value.iter_mut().zip(MATCHING[first + k]).for_each(|(v, m)| *v += weight * m);
+        value.iter_mut().zip(table[first + k]).for_each(|(v, m)| *v += weight * m);
     }
     value.map(|v| v.max(0.0))
 }
