@@ -8,6 +8,7 @@ mod dataset;
 mod failure;
 mod prepare;
 mod progress;
+mod proof;
 mod summary;
 mod terminal;
 mod train;
@@ -35,6 +36,8 @@ struct Cli {
 enum Command {
     /// Turn a textured model into printable slices, a soft proof and an error report
     Prepare(Box<prepare::Args>),
+    /// Show what slices will look like when they are printed, whatever made them
+    Proof(Box<proof::Args>),
     /// Write the slices of a small test print that shows whether a printer mirrors
     Coupon(coupon::Args),
     /// Make a chart of a printer's materials, or materials from its measurements
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
     }
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
+        Command::Proof(args) => proof::run(&args, &CANCEL),
         Command::Coupon(args) => coupon::run(&args, &CANCEL),
         Command::Calibrate(command) => calibrate::run(&command, &CANCEL),
         Command::Train(args) => train::run(&args, &CANCEL),

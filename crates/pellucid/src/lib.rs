@@ -94,6 +94,8 @@ mod monitor;
 #[cfg(feature = "job")]
 mod network_weights;
 #[cfg(feature = "job")]
+mod picture_error;
+#[cfg(feature = "job")]
 mod predictors;
 #[cfg(feature = "job")]
 pub mod record;

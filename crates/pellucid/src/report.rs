@@ -10,6 +10,7 @@ use crate::job::TextureReport;
 use crate::record::Record;
 
 pub use crate::error_histogram::ErrorHistogram;
+pub use crate::picture_error::PictureError;
 pub use crate::resins::{ResinUse, Resins};
 
 /// How far the network was off on the labels that were written, in linear radiance, 0 to 1.
@@ -90,6 +91,9 @@ pub struct Report {
     /// How the errors to the target as given are spread over the surface.
     #[serde(default)]
     pub error_histogram: ErrorHistogram,
+    /// Error of the appearance that the proof shows.
+    #[serde(default)]
+    pub picture: PictureError,
     /// The network beside the judge's paths; absent with the path tracer, whose only error is noise.
     pub prediction: Option<PredictionError>,
     /// What was tried, where the settings left the predictor open.

@@ -24,6 +24,8 @@ pub enum Stage {
     Refine,
     /// Judging the labels before and after by fresh paths.
     Judge,
+    /// Predicting what given labels look like.
+    Predict,
     /// Drawing the proof.
     Proof,
     /// Writing slices.
@@ -44,6 +46,7 @@ impl Stage {
             Stage::Choose => "choice of predictor",
             Stage::Refine => "refine",
             Stage::Judge => "judge",
+            Stage::Predict => "appearance",
             Stage::Proof => "proof",
             Stage::Slices => "slices",
         }

@@ -3,5 +3,6 @@
 mod calibrate;
 mod common;
 mod prepare;
+mod proof;
 mod texture;
 mod training;

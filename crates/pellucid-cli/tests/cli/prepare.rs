@@ -12,7 +12,7 @@ fn text(path: &Path) -> &str {
 #[test]
 fn help_names_every_command_and_option() {
     let help = stdout(&run(&["--help"]));
-    for command in ["prepare", "coupon", "calibrate", "train", "dataset", "validate"] {
+    for command in ["prepare", "proof", "coupon", "calibrate", "train", "dataset", "validate"] {
         assert!(help.contains(command), "{help}");
     }
     let help = stdout(&run(&["prepare", "--help"]));

@@ -8,7 +8,7 @@ use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
 use crate::job::{Aimed, Refined};
-use crate::report::{ErrorHistogram, PredictionError};
+use crate::report::{ErrorHistogram, PictureError, PredictionError};
 use crate::stage::Stage;
 use crate::workspace::JUDGED;
 use crate::{Monitor, PrintError, PrintJob, Workspace, predictors};
@@ -25,6 +25,8 @@ pub struct Judged {
     /// Appearance of every surface voxel before and after, linear RGB relative to the print's white, for the eye: noise
     /// was taken out.
     pub appearance: [Vec<[f32; 3]>; 2],
+    /// How far the appearance after is off what many paths say.
+    pub picture: PictureError,
     /// Where each is off the target as given, over 0.1 mm: CIEDE2000 in parts, out of gamut, too thin, cross-talk.
     pub error_parts: [Vec<[f32; 3]>; 2],
     /// Target, unrefined and refined appearance from both sides, media-relative linear RGB; and the refined error at
@@ -37,6 +39,7 @@ pub struct Judged {
 struct Verdict {
     evaluation: Evaluation,
     prediction: Option<PredictionError>,
+    picture: PictureError,
     /// Of every surface voxel, before and after.
     #[serde(skip)]
     appearance: [Vec<[f32; 3]>; 2],
@@ -84,6 +87,7 @@ impl PrintJob {
         Ok(Judged {
             evaluation: verdict.evaluation,
             prediction: verdict.prediction,
+            picture: verdict.picture,
             appearance: verdict.appearance,
             error_parts: verdict.parts,
             proof,
@@ -121,10 +125,11 @@ impl PrintJob {
             without_noise(&aimed.object, labels, aimed.viewing.leading_channels(), halves, &silent)
         };
         let appearance = [pictured(&refined.unrefined, &before)?, pictured(&refined.labels, &after)?];
+        let picture = PictureError::of(&appearance[1], &after.points, &after.halves, &aimed.viewing);
         let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
         let parts =
             [judge.error_parts(&appearance[0], &silent)?, judge.error_parts(&appearance[1], &silent)?];
-        Ok(Verdict { evaluation, prediction, appearance, parts })
+        Ok(Verdict { evaluation, prediction, picture, appearance, parts })
     }
 
     /// Radiance of some points by the network without its correction, where the job's predictor has one.

@@ -10,6 +10,7 @@ mod placed;
 mod prepared;
 mod proof_files;
 mod refined;
+mod slices_proof;
 mod textured;
 
 use std::path::Path;
@@ -31,6 +32,7 @@ pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
 pub use proof_files::ProofFiles;
 pub use refined::Refined;
+pub use slices_proof::{SlicesProof, SlicesReport};
 pub use textured::{TextureReport, own_texture_files};
 
 /// Prepares prints: settings that were checked once.

@@ -5,6 +5,7 @@ use pellucid_proof::ERROR_SCALE;
 use pellucid_proof::page::{FieldValues, PageField, PageSize, ProofPage};
 use pellucid_slice::RowOrder;
 
+use crate::job::SlicesProof;
 use crate::{Prepared, PrintError};
 
 /// Most CIEDE2000 that the page keeps: steps of 0.2.
@@ -41,10 +42,22 @@ pub(super) fn page_of(prepared: &Prepared, control: &Control<'_>) -> Result<Proo
         let (most, shown, unit) = (MOST_ERROR, ERROR_SCALE, "dE2000");
         fields.push(PageField { key, label, values: FieldValues::Quantity { values, most, shown, unit } });
     }
-    let values = &aimed.thickness_mm;
-    let thickness = FieldValues::Quantity { values, most: MOST_MM, shown: SHOWN_MM, unit: "mm" };
-    fields.push(PageField { key: "thickness", label: "Thickness", values: thickness });
+    fields.push(thickness(&aimed.thickness_mm));
     let highest_first = prepared.record.settings.printer.row_order() == RowOrder::HighestYFirst;
     let (labels, surface) = (&prepared.refined.labels, aimed.object.surface());
     Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
+}
+
+/// Packs a proof from slices: what they look like, and thickness.
+pub(super) fn page_of_slices(proof: &SlicesProof, control: &Control<'_>) -> Result<ProofPage, PrintError> {
+    let colors = FieldValues::Colors(&proof.colors);
+    let fields = [PageField { key: "print", label: "Print", values: colors }, thickness(&proof.thickness_mm)];
+    let highest_first = proof.manifest.row_order == RowOrder::HighestYFirst;
+    let (labels, surface) = (&proof.labels, proof.object.surface());
+    Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
+}
+
+fn thickness(values: &[f32]) -> PageField<'_> {
+    let values = FieldValues::Quantity { values, most: MOST_MM, shown: SHOWN_MM, unit: "mm" };
+    PageField { key: "thickness", label: "Thickness", values }
 }

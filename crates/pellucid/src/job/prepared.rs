@@ -62,6 +62,7 @@ impl Prepared {
             refinement: self.refined.report.clone(),
             evaluation: self.judged.evaluation.clone(),
             error_histogram: self.judged.error_histogram(),
+            picture: self.judged.picture,
             choice: self.choice.clone(),
             prediction: self.judged.prediction,
             texture: None,
