@@ -63,6 +63,7 @@ impl Prepared {
             evaluation: self.judged.evaluation.clone(),
             error_histogram: self.judged.error_histogram(),
             choice: self.choice.clone(),
+            lights: self.judged.lights.clone(),
             prediction: self.judged.prediction,
             texture: None,
             stages: monitor.times(),
