@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pellucid::color::space::srgb_decode;
+use pellucid::color::spectrum::Illuminant;
 use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{LengthUnit, UpAxis};
 use pellucid::slice::{Container, PrintTarget};
@@ -57,6 +58,12 @@ pub fn mesh_format(name: &str) -> Result<MeshFormat, String> {
     let known = MeshFormat::ALL.map(MeshFormat::name).join(", ");
     let found = MeshFormat::ALL.into_iter().find(|format| format.name() == name);
     found.ok_or_else(|| format!("a format is one of {known}"))
+}
+
+/// A light by its name.
+pub fn illuminant(name: &str) -> Result<Illuminant, String> {
+    let known = || Illuminant::ALL.map(Illuminant::name).join(", ");
+    Illuminant::from_name(name).ok_or_else(|| format!("a light is one of {}", known()))
 }
 
 /// A length unit by its symbol.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
+use pellucid::color::spectrum::Illuminant;
 use pellucid::core::files::read_text_bounded;
 use pellucid::core::{InstructionSet, staging};
 use pellucid::job::ProofFiles;
@@ -66,6 +67,10 @@ pub struct Args {
     /// Materials in a file; cyan, magenta, yellow, black and white without it
     #[arg(long, value_name = "FILE")]
     materials: Option<PathBuf>,
+    /// Lights that the print should look right under, such as D65,A,LED, for materials of many bands: D65, D50, E, A, F11,
+    /// LED. The first is the one it is judged under; D65 without it
+    #[arg(long, value_name = "LIGHT,…", value_delimiter = ',', value_parser = arguments::illuminant)]
+    illuminants: Vec<Illuminant>,
     /// Refractive index of the printed surface; 1.5 without it
     #[arg(long, value_name = "N", value_parser = arguments::refractive_index, allow_hyphen_values = true)]
     refractive_index: Option<f64>,
@@ -203,6 +208,10 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
     settings.format = args.format.unwrap_or(settings.format);
     if let Some(file) = &args.materials {
         settings.materials = arguments::materials(file)?;
+    }
+    if let Some((&first, further)) = args.illuminants.split_first() {
+        settings.illuminant = first;
+        settings.also_under = further.to_vec();
     }
     if let Some(predictor) = args.predictor {
         settings.predictor = match predictor {

@@ -47,6 +47,18 @@ pub fn of(report: &Report, out: &Path) -> String {
         "left to the texture (over 0.1 mm): {:.2}, {gamut:.0} % out of gamut, {thin:.0} % too thin, {rest:.0} % cross-talk",
         after.at_0_1_mm.raw.mean
     );
+    for light in &report.lights {
+        let _ = writeln!(
+            text,
+            "under {}: {:.2} unrefined, {:.2} refined; from its look under {}: {:.2} and {:.2}",
+            light.illuminant.name(),
+            light.error[0].mean,
+            light.error[1].mean,
+            report.record.settings.illuminant.name(),
+            light.inconstancy[0].mean,
+            light.inconstancy[1].mean
+        );
+    }
     if let Some(choice) = &report.choice {
         let trial =
             |t: &pellucid::Trial| format!("{} {:.1} s, error {:.3}", t.predictor.name(), t.seconds, t.error);

@@ -69,6 +69,16 @@ impl MonteCarlo {
         self
     }
 
+    /// The same with another number of neighbouring bands, 1 to 4, that share each path at most: see
+    /// [`TraceOptions::shared_bands`].
+    ///
+    /// # Errors
+    /// [`PredictError::Invalid`] outside that range.
+    pub fn with_shared_bands(mut self, bands: u32) -> Result<Self, PredictError> {
+        self.options.shared_bands = bands;
+        self.checked()
+    }
+
     /// The same with another mean number of paths a point and channel, above 0, that its gradient follows: by default
     /// 2, independent of those of the prediction. Points get as many as their weights deserve.
     ///
@@ -125,6 +135,7 @@ impl Predictor for MonteCarlo {
         Identity::new("mc", self.used(), true)
             .with("spp", self.options.spp)
             .with("roulette", self.options.roulette)
+            .with("shared-bands", self.options.shared_bands)
             .with("adjoint-paths", self.adjoint.paths)
             .with("adjoint-pooled", self.adjoint.pooled)
             .with("tracking", format!("{:?}", self.options.tracking).to_lowercase())

@@ -48,6 +48,7 @@
 //! let target = vec![[0.5; 3]; object.surface().len()];
 //! let problem = Problem {
 //!     object: &object, nearest: &nearest, ink: &Grey, viewing: &viewing, target: &target, printable_target: &target,
+//!     further: &[],
 //! };
 //! let settings = RefineSettings { iterations: Some(2), coloured_depth_mm: 0.4, ..RefineSettings::default() };
 //! let mut bound = Two(object.clone(), labels.clone());
@@ -76,6 +77,7 @@ mod smoothing;
 mod strategy;
 mod surface_color;
 mod surface_first;
+mod viewed;
 
 pub use descent::{Descent, DescentState, DescentTools, StepRule};
 pub use error::RefineError;
@@ -86,7 +88,7 @@ pub use judge::{
     Sharpness, StateErrors,
 };
 pub use layers::Layers;
-pub use problem::Problem;
+pub use problem::{Aim, Problem};
 pub use refinement::{Refined, Refinement, refine};
 pub use report::{IterationReport, RefineReport};
 pub use saved::Saved;
@@ -95,3 +97,4 @@ pub use smoothing::SurfaceSmoother;
 pub use strategy::{Cell, LayerMixtures, Mixtures, Moved, Planned, Seen, Setup, Strategy};
 pub use surface_color::{SurfaceColor, SurfaceColorState};
 pub use surface_first::{SurfaceFirst, SurfaceFirstState};
+pub use viewed::Viewed;

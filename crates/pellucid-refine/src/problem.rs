@@ -4,11 +4,21 @@ use pellucid_color::Viewing;
 use pellucid_core::random::mix;
 use pellucid_predict::Object;
 use pellucid_voxel::{AIR, NearestSurface};
+use rayon::prelude::*;
 
 use crate::{InkModel, RefineError};
 
 /// Most labels of an ink model.
 pub(crate) const MAX_LABELS: usize = 16;
+
+/// How a print should look in one viewing.
+#[derive(Clone, Copy)]
+pub struct Aim<'a> {
+    /// How radiance becomes colour; as many channels as the object's materials.
+    pub viewing: &'a Viewing,
+    /// What each surface voxel should show and can, linear RGB relative to the print's white in this viewing.
+    pub printable_target: &'a [[f32; 3]],
+}
 
 /// An object, what can be printed, and what it should look like. [`Refinement::new`](crate::Refinement::new) checks
 /// that all of it fits together.
@@ -26,9 +36,17 @@ pub struct Problem<'a> {
     pub target: &'a [[f32; 3]],
     /// The target brought within reach of gamut and thickness, which the loop aims at.
     pub printable_target: &'a [[f32; 3]],
+    /// What it should look like in further viewings; [`Descent`](crate::Descent) lowers the mean of the losses in all.
+    pub further: &'a [Aim<'a>],
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    /// The aims in all viewings, the own one first.
+    pub fn aims(&self) -> impl Iterator<Item = Aim<'a>> + use<'a> {
+        let own = Aim { viewing: self.viewing, printable_target: self.printable_target };
+        std::iter::once(own).chain(self.further.iter().copied())
+    }
+
     /// Tells whether the parts fit together and the nearest-surface map reaches `coloured_depth_mm` deep.
     ///
     /// # Errors
@@ -45,6 +63,10 @@ impl Problem<'_> {
             ));
         }
         check_colors(self.object, self.viewing, self.target, self.printable_target)?;
+        for aim in self.further {
+            check_list(self.object, "printable target of a further viewing", aim.printable_target)?;
+            check_channels(self.object, aim.viewing)?;
+        }
         let labels = self.ink.labels();
         let known = |l: &u8| *l != AIR && self.object.materials().get(*l).is_some();
         let distinct = labels.iter().enumerate().all(|(i, l)| !labels[..i].contains(l));
@@ -64,11 +86,14 @@ impl Problem<'_> {
         let mut state = mix(self.target.len() as u64 + 1);
         let mut add = |bits: u32| state = mix(state.wrapping_add(0x9e37_79b9_7f4a_7c15) ^ u64::from(bits));
         self.target.iter().chain(self.printable_target).flatten().for_each(|v| add(v.to_bits()));
-        let mut radiance = vec![0.0; self.viewing.channels()];
-        for channel in 0..radiance.len() {
-            radiance[channel] = 1.0;
-            self.viewing.relative_rgb(&radiance).iter().for_each(|v| add(v.to_bits()));
-            radiance[channel] = 0.0;
+        self.further.iter().flat_map(|aim| aim.printable_target).flatten().for_each(|v| add(v.to_bits()));
+        for aim in self.aims() {
+            let mut radiance = vec![0.0; aim.viewing.channels()];
+            for channel in 0..radiance.len() {
+                radiance[channel] = 1.0;
+                aim.viewing.relative_rgb(&radiance).iter().for_each(|v| add(v.to_bits()));
+                radiance[channel] = 0.0;
+            }
         }
         let labels = self.ink.labels();
         let mut fractions = vec![0.0; labels.len()];
@@ -91,6 +116,15 @@ pub(crate) fn check_colors(
 ) -> Result<(), RefineError> {
     check_list(object, "target", target)?;
     check_list(object, "printable target", printable_target)?;
+    check_channels(object, viewing)
+}
+
+/// The colours that radiances, `[point][channel]`, show.
+pub(crate) fn shown_in(viewing: &Viewing, radiance: &[f32]) -> Vec<[f32; 3]> {
+    radiance.par_chunks_exact(viewing.channels()).map(|l| viewing.relative_rgb(l)).collect()
+}
+
+fn check_channels(object: &Object, viewing: &Viewing) -> Result<(), RefineError> {
     if viewing.channels() != object.channels() {
         return Err(RefineError::invalid(
             "viewing",

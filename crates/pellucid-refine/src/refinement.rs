@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::difference::{differences, lab_of};
 use crate::halftone::{Changes, halftone};
 use crate::layers::Layers;
+use crate::problem::shown_in;
 use crate::{
     IterationReport, Moved, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
     Strategy, SurfaceSmoother,
@@ -64,6 +65,8 @@ struct Shown {
     radiance: Vec<f32>,
     shown: Vec<[f32; 3]>,
     smoothed: Vec<[f32; 3]>,
+    /// Mean of the smoothed differences in each further viewing.
+    further: Vec<f64>,
 }
 
 impl<'a, S: Strategy> Refinement<'a, S> {
@@ -339,17 +342,33 @@ impl<'a, S: Strategy> Refinement<'a, S> {
     }
 
     fn compare(&self, radiance: Vec<f32>, control: &Control<'_>) -> Result<Shown, RefineError> {
-        let Problem { viewing, printable_target, .. } = self.setup.problem;
-        let shown: Vec<[f32; 3]> =
-            radiance.par_chunks_exact(viewing.channels()).map(|l| viewing.relative_rgb(l)).collect();
-        // Smoothed as light adds up: the cube root of a few paths' mean is biased far down.
-        let shortfall = printable_target.par_iter().zip(&shown);
+        let Problem { viewing, printable_target, further, .. } = self.setup.problem;
+        let shown = shown_in(viewing, &radiance);
+        let smoothed = self.smoothed(printable_target, &shown, control)?;
+        let further = further.iter().map(|aim| {
+            let smoothed = self.smoothed(aim.printable_target, &shown_in(aim.viewing, &radiance), control)?;
+            let off = differences(&lab_of(&smoothed), &lab_of(aim.printable_target));
+            Ok(ErrorStats::of(off).mean)
+        });
+        let further = further.collect::<Result<_, RefineError>>()?;
+        Ok(Shown { radiance, shown, smoothed, further })
+    }
+
+    /// A target less what is lacking of it, smoothed: as light adds up, since the cube root of a few paths' mean is biased
+    /// far down.
+    fn smoothed(
+        &self,
+        target: &[[f32; 3]],
+        shown: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Vec<[f32; 3]>, RefineError> {
+        let shortfall = target.par_iter().zip(shown);
         let shortfall = shortfall.map(|(t, s)| std::array::from_fn(|c| t[c] - s[c])).collect();
         let mut smoothed = self.smoother.smooth(shortfall, control)?;
-        smoothed.par_iter_mut().zip(printable_target).for_each(|(s, t)| {
+        smoothed.par_iter_mut().zip(target).for_each(|(s, t)| {
             *s = std::array::from_fn(|c| (t[c] - s[c]).max(0.0));
         });
-        Ok(Shown { radiance, shown, smoothed })
+        Ok(smoothed)
     }
 
     fn errors(&self, shown: &Shown) -> IterationReport {
@@ -360,14 +379,15 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             target: against(&lab, &self.target_lab),
             printable_target: against(&lab, &self.printable_lab),
             smoothed: against(&lab_of(&shown.smoothed), &self.printable_lab),
+            further: shown.further.clone(),
             ..IterationReport::default()
         }
     }
 
     /// Takes in what a step found; cannot fail.
     fn complete(&mut self, report: IterationReport, next: Option<S::State>) -> &IterationReport {
-        let best = self.report.best_iteration().map(|i| i.smoothed.mean);
-        let better = best.is_none_or(|mean| report.smoothed.mean < mean);
+        let best = self.report.best_iteration().map(IterationReport::off);
+        let better = best.is_none_or(|off| report.off() < off);
         if better {
             self.report.best = report.iteration;
         }

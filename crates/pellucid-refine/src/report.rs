@@ -16,8 +16,11 @@ pub struct IterationReport {
     pub printable_target: ErrorStats,
     /// As `printable_target`, with what the target lacks smoothed over
     /// [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm): without most of the halftone's
-    /// and the predictor's noise. The best iterate has the least mean.
+    /// and the predictor's noise. The best iterate has the least mean, over all viewings.
     pub smoothed: ErrorStats,
+    /// The mean of the same in each further viewing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub further: Vec<f64>,
     /// Voxels whose label differs from the labels handed to the step: for iteration 0 the coloured voxels, else those
     /// that changed since the iteration before, unless the step was resumed or repeated with other labels.
     pub label_flips: u64,
@@ -41,6 +44,13 @@ pub struct IterationReport {
     pub step: Option<f64>,
 }
 
+impl IterationReport {
+    /// Sum of the smoothed means over all viewings: the best iterate has the least.
+    pub(crate) fn off(&self) -> f64 {
+        self.smoothed.mean + self.further.iter().sum::<f64>()
+    }
+}
+
 /// The whole refinement.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -50,7 +60,8 @@ pub struct RefineReport {
     pub strategy: String,
     /// Every iteration in order; the first is the unrefined halftone.
     pub iterations: Vec<IterationReport>,
-    /// The iteration whose labels are kept: least mean of [`IterationReport::smoothed`].
+    /// The iteration whose labels are kept: least mean of [`IterationReport::smoothed`] over
+    /// all viewings.
     pub best: u32,
     /// The strategy ended the refinement before its iterations were done: nothing was to be gained.
     pub settled: bool,

@@ -266,7 +266,8 @@ mod tests {
     fn setup<'a>(ground: &'a Ground, target: &'a [[f32; 3]]) -> Setup<'a> {
         let Ground { object, nearest, viewing } = ground;
         let layers = Layers::find(0.8, 12, object.surface(), nearest, &Control::none()).unwrap();
-        let problem = Problem { object, nearest, ink: &Inks, viewing, target, printable_target: target };
+        let problem =
+            Problem { object, nearest, ink: &Inks, viewing, target, printable_target: target, further: &[] };
         Setup { problem, layers, points: object.points(), seed: 0 }
     }
 

@@ -3,10 +3,11 @@
 mod common;
 
 use common::{Blur, Slab};
+use pellucid_color::{MediaWhite, Viewing};
 use pellucid_predict::{BoundPredictor, Changed, Diagnostics, Draw, PredictError};
 use pellucid_refine::{
-    Descent, DescentState, RefineError, RefineReport, RefineSettings, Refinement, Saved, StepRule, Strategy,
-    SurfaceFirst, refine,
+    Aim, Descent, DescentState, Problem, RefineError, RefineReport, RefineSettings, Refinement, Saved,
+    StepRule, Strategy, SurfaceFirst, refine,
 };
 use pellucid_voxel::{Control, LabelGrid};
 
@@ -210,4 +211,58 @@ fn a_predictor_without_gradient_is_named() {
     let found = refine(&mut labels, slab.problem(), descent(), settings(9), &mut bound, &Control::none());
     let error = found.err().unwrap();
     assert!(matches!(error, RefineError::Predict { .. }), "{error:?}");
+}
+
+/// What a refinement towards `further` as well ends with: labels, and the mean smoothed error in each viewing.
+fn run_in(further: &[Aim<'_>], iterations: u32) -> (LabelGrid, Vec<f64>) {
+    let slab = keys();
+    let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+    let problem = Problem { further, ..slab.problem() };
+    let settings = settings(iterations);
+    let refined = refine(&mut labels, problem, descent(), settings, &mut bound, &Control::none()).unwrap();
+    let best = refined.report.best_iteration().unwrap().clone();
+    (labels, std::iter::once(best.smoothed.mean).chain(best.further).collect())
+}
+
+#[test]
+fn the_same_aim_twice_is_that_aim() {
+    let slab = keys();
+    let twice = Aim { viewing: &slab.viewing, printable_target: &slab.printable };
+    let (once, alone) = run_in(&[], 12);
+    let (both, together) = run_in(&[twice], 12);
+    assert!(once == both);
+    assert_eq!(together, [alone[0], alone[0]]);
+}
+
+#[test]
+fn a_further_viewing_is_heeded() {
+    let slab = keys();
+    // A light in which blue counts for red too, and in which everything should look a little redder.
+    let rows = [vec![0.4, 0.0, 0.6], vec![0.0, 1.0, 0.0], vec![0.0, 0.0, 1.0]];
+    let lamp = Viewing::from_rows(rows, MediaWhite::new([0.8; 3]).unwrap()).unwrap();
+    let wanted: Vec<[f32; 3]> = slab.printable.iter().map(|&[r, g, b]| [0.5 * (r + b), g, b]).collect();
+    let aim = [Aim { viewing: &lamp, printable_target: &wanted }];
+    let (_, heeded) = run_in(&aim, 30);
+    // The same print without heeding it: of one iteration that starts where the other ended there is no such report, so
+    // the strategy that looks at its own viewing alone is asked.
+    let (mut labels, mut bound) = (slab.solid.clone(), slab.blur());
+    let problem = Problem { further: &aim, ..slab.problem() };
+    let own =
+        refine(&mut labels, problem, SurfaceFirst::default(), settings(30), &mut bound, &Control::none());
+    let own = own.unwrap().report.best_iteration().unwrap().clone();
+    assert!(heeded[1] < 0.8 * own.further[0], "{heeded:?} {:?}", own.further);
+}
+
+#[test]
+fn aims_of_other_channels_are_refused() {
+    let slab = keys();
+    let five = Viewing::from_rows([0.2; 3].map(|w| vec![w; 5]), MediaWhite::new([1.0; 3]).unwrap()).unwrap();
+    for aim in [
+        Aim { viewing: &five, printable_target: &slab.printable },
+        Aim { viewing: &slab.viewing, printable_target: &slab.printable[1..] },
+    ] {
+        let problem = Problem { further: &[aim], ..slab.problem() };
+        let made = Refinement::new(problem, descent(), settings(3), &Control::none());
+        assert!(matches!(made.err(), Some(RefineError::Invalid(_))));
+    }
 }

@@ -3,6 +3,7 @@
 use pellucid_voxel::MaterialTable;
 
 use crate::Tracking;
+use crate::kernel::MOST_BANDS;
 use crate::phase::NEAR_ISOTROPIC;
 
 /// How the kernel samples Henyey-Greenstein cosines.
@@ -54,7 +55,77 @@ pub(crate) struct Coefficients {
     pub(crate) phase: Phase,
 }
 
+/// What bands that share paths look up beside the walking band's coefficients, by palette position. Rows past `count`
+/// are 0.
+#[derive(Clone, Debug)]
+pub(crate) struct SharedBands {
+    pub(crate) count: usize,
+    /// What a band keeps at a tentative collision, over the most that any keeps.
+    pub(crate) keep: [[f32; 16]; MOST_BANDS],
+    /// Probability that a tentative collision scatters, over the walking band's.
+    pub(crate) scatter: [[f32; 16]; MOST_BANDS],
+    /// Probability that it does not, over the walking band's.
+    pub(crate) null: [[f32; 16]; MOST_BANDS],
+}
+
 impl Coefficients {
+    /// For bands that share paths with one majorant: what each needs to walk, and what the others then look up. `None`
+    /// where [`Tracking::Auto`] would not use delta tracking.
+    pub(crate) fn shared(
+        materials: &MaterialTable,
+        palette: &[u8],
+        channels: &[usize],
+        tracking: Tracking,
+    ) -> Option<Vec<(Self, SharedBands)>> {
+        let own: Vec<Self> =
+            channels.iter().map(|&c| Self::new(materials, palette, c, Tracking::Delta)).collect();
+        let extinction = |c: usize| palette.iter().skip(1).map(move |&l| f64::from(materials.sigma_t(l, c)));
+        let majorant = channels.iter().flat_map(|&c| extinction(c)).fold(0.0, f64::max);
+        let least = channels.iter().flat_map(|&c| extinction(c)).fold(majorant, f64::min);
+        if majorant == 0.0 || (tracking == Tracking::Auto && majorant > 16.0 * least) {
+            return None;
+        }
+        // Keep and probability to scatter, [band][position].
+        let mut keep = [[0.0f64; 16]; MOST_BANDS];
+        let mut scatter = [[0.0f64; 16]; MOST_BANDS];
+        for (j, &c) in channels.iter().enumerate() {
+            keep[j] = [1.0; 16];
+            for (p, m) in palette.iter().enumerate().filter_map(|(p, &l)| Some((p, materials.get(l)?))) {
+                let (s, a) = (f64::from(m.sigma_s[c]), f64::from(m.sigma_a[c]));
+                keep[j][p] = 1.0 - a / majorant;
+                scatter[j][p] = if majorant > a { (s / (majorant - a)).min(1.0) } else { 0.0 };
+            }
+        }
+        let most: [f64; 16] =
+            std::array::from_fn(|p| (0..channels.len()).map(|j| keep[j][p]).fold(0.0, f64::max));
+        let ratio = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
+        let walker = |h: usize| {
+            let walking = Self {
+                regular: false,
+                mean_free_path: [(1.0 / majorant).min(1e30) as f32; 16],
+                keep: most.map(|v| v as f32),
+                scatter: scatter[h].map(|v| v as f32),
+                inv_scatter: scatter[h].map(|v| ratio(1.0, v)),
+                ..own[h].clone()
+            };
+            let mut shared = SharedBands {
+                count: channels.len(),
+                keep: [[0.0; 16]; MOST_BANDS],
+                scatter: [[0.0; 16]; MOST_BANDS],
+                null: [[0.0; 16]; MOST_BANDS],
+            };
+            for j in 0..channels.len() {
+                for p in 0..16 {
+                    shared.keep[j][p] = ratio(keep[j][p], most[p]);
+                    shared.scatter[j][p] = ratio(scatter[j][p], scatter[h][p]);
+                    shared.null[j][p] = ratio(1.0 - scatter[j][p], 1.0 - scatter[h][p]);
+                }
+            }
+            (walking, shared)
+        };
+        Some((0..channels.len()).map(walker).collect())
+    }
+
     /// For the labels of `palette` in one channel. The table's own checks keep every coefficient
     /// finite and at least 0.
     pub(crate) fn new(materials: &MaterialTable, palette: &[u8], channel: usize, tracking: Tracking) -> Self {

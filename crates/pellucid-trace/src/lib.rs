@@ -31,6 +31,7 @@ pub mod adaptive;
 pub mod adjoint;
 pub mod analytic;
 pub mod assisted;
+mod bands;
 mod bricks;
 #[cfg(feature = "cases")]
 pub mod cases;

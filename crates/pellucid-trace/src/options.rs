@@ -85,6 +85,10 @@ pub struct TraceOptions {
     pub roulette: f32,
     /// Collision estimator in media of strong contrast.
     pub tracking: Tracking,
+    /// Most neighbouring bands that share each path, 1 to 4; at most half of `spp`. Every band still has `spp` paths that
+    /// count for it, for a fraction of the time; where bands differ much a path counts little for its neighbours.
+    /// Channels that are no bands share none, nor do more than 256 paths.
+    pub shared_bands: u32,
 }
 
 impl Default for TraceOptions {
@@ -96,6 +100,7 @@ impl Default for TraceOptions {
             instruction_set: None,
             roulette: 0.6,
             tracking: Tracking::Auto,
+            shared_bands: 4,
         }
     }
 }
@@ -104,7 +109,7 @@ impl TraceOptions {
     /// Checks ranges.
     ///
     /// # Errors
-    /// [`TraceError::Invalid`] for zero paths or a roulette threshold outside 0..=1,
+    /// [`TraceError::Invalid`] for zero paths, a roulette threshold outside 0..=1, or shared bands outside 1..=4,
     /// [`TraceError::Unsupported`] for an instruction set that this processor lacks.
     pub fn check(&self) -> Result<(), TraceError> {
         if self.spp == 0 {
@@ -112,6 +117,9 @@ impl TraceOptions {
         }
         if !(0.0..=1.0).contains(&self.roulette) {
             return Err(TraceError::invalid("roulette", format!("{} must lie within 0 to 1", self.roulette)));
+        }
+        if !(1..=4).contains(&self.shared_bands) {
+            return Err(TraceError::invalid("shared_bands", format!("{} must be 1 to 4", self.shared_bands)));
         }
         if let Some(set) = self.instruction_set {
             set.require().map_err(TraceError::Unsupported)?;

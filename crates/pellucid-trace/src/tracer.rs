@@ -7,6 +7,7 @@ use pellucid_core::InstructionSet;
 use pellucid_voxel::{Control, MaterialTable};
 use rayon::prelude::*;
 
+use crate::bands::{self, Group};
 use crate::coefficients::{Coefficients, Optics16};
 use crate::kernel::{self, Batch, Form, Scene};
 use crate::tally::Tally;
@@ -42,6 +43,9 @@ pub struct Tracer<'a> {
     pub(crate) volume: &'a Volume,
     channels: Vec<Coefficients>,
     optics: Vec<Optics16>,
+    /// By channel, the first with the same coefficients.
+    originals: Vec<usize>,
+    groups: Vec<Group>,
     pub(crate) materials: MaterialTable,
     pub(crate) options: TraceOptions,
     pub(crate) form: Form,
@@ -65,7 +69,11 @@ impl<'a> Tracer<'a> {
         let optics =
             (0..materials.channels()).map(|c| Optics16::new(materials, volume.palette(), c)).collect();
         let form = Form::of(options.instruction_set.unwrap_or_else(InstructionSet::chosen));
-        Ok(Self { volume, channels, optics, materials: materials.clone(), options, form })
+        let palette = volume.palette();
+        let originals = bands::originals(materials, palette);
+        let most = options.shared_bands;
+        let groups = bands::groups(materials, palette, &originals, options.tracking, options.spp, most);
+        Ok(Self { volume, channels, optics, originals, groups, materials: materials.clone(), options, form })
     }
 
     /// Number of channels, the materials'.
@@ -86,6 +94,9 @@ impl<'a> Tracer<'a> {
     /// Radiance of `points`, positions in the surface's list, into `radiance`, ordered
     /// `[point][channel]`, each within 0..=1. `iteration` chooses an independent set of paths.
     ///
+    /// Channels with the same coefficients have the same paths, and are walked once. Neighbouring bands share paths
+    /// ([`TraceOptions::shared_bands`]).
+    ///
     /// # Errors
     /// [`TraceError::Invalid`] for a point past the surface or a buffer of another length,
     /// [`TraceError::Cancelled`]. Progress counts paths.
@@ -96,16 +107,40 @@ impl<'a> Tracer<'a> {
         radiance: &mut [f32],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
-        let spp = self.options.spp;
-        let mut tallies = self.tallies_for(points, radiance.len())?;
-        self.add_samples(points, iteration, 0..spp, &mut tallies, control)?;
-        for (out, tally) in radiance.iter_mut().zip(&tallies) {
-            *out = tally.mean(spp) as f32;
+        let (spp, channels) = (self.options.spp, self.channels());
+        self.check_points(points, "radiance buffer", radiance.len())?;
+        let progress = bands::progress(control, &self.groups, points.len(), spp);
+        for group in &self.groups {
+            if group.is_shared() {
+                self.radiance_shared(group, points, iteration, radiance, &progress)?;
+                continue;
+            }
+            let c = group.channels[0];
+            let per_task = points_per_task(spp as usize);
+            let tasks = points.par_chunks(per_task).zip(radiance.par_chunks_mut(per_task * channels));
+            tasks.try_for_each(|(points, radiance)| {
+                let starts: Vec<Start> = points.iter().map(|&p| self.volume.start(p)).collect();
+                let sums = self.trace(points, &starts, c, iteration, 0..spp, &progress)?;
+                let rows = radiance.chunks_exact_mut(channels);
+                rows.zip(sums).for_each(|(row, sum)| row[c] = sum.mean(spp) as f32);
+                Ok::<_, TraceError>(())
+            })?;
+        }
+        if self.originals.iter().enumerate().any(|(c, &o)| c != o) {
+            let copy = |row: &mut [f32]| {
+                self.originals.iter().enumerate().for_each(|(c, &original)| row[c] = row[original]);
+            };
+            radiance.par_chunks_exact_mut(channels).for_each(copy);
         }
         Ok(())
     }
 
-    /// As [`Tracer::radiance`], with the standard error of each estimate in `std_error`.
+    /// By channel, the first with the same coefficients.
+    pub(crate) fn originals(&self) -> &[usize] {
+        &self.originals
+    }
+
+    /// As [`Tracer::radiance`] without shared paths, with the standard error of each estimate in `std_error`.
     ///
     /// # Errors
     /// As [`Tracer::radiance`]; `std_error` must be as long as `radiance`.
@@ -174,16 +209,19 @@ impl<'a> Tracer<'a> {
         tallies: &mut [Tally],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
-        let progress =
-            Progress { control, done: AtomicU64::new(0), total: tallies.len() as u64 * samples.len() as u64 };
+        let walked = (0..self.channels()).filter(|&c| self.originals[c] == c).count() as u64;
+        let total = walked * points.len() as u64 * samples.len() as u64;
+        let progress = Progress { control, done: AtomicU64::new(0), total };
         let channels = self.channels.len();
         let per_task = points_per_task(samples.len());
         points.par_chunks(per_task).zip(tallies.par_chunks_mut(per_task * channels)).try_for_each(
             |(points, tallies)| {
                 let starts: Vec<Start> = points.iter().map(|&p| self.volume.start(p)).collect();
-                for c in 0..channels {
+                for c in (0..channels).filter(|&c| self.originals[c] == c) {
                     let sums = self.trace(points, &starts, c, iteration, samples.clone(), &progress)?;
-                    sums.into_iter().enumerate().for_each(|(p, sum)| tallies[p * channels + c] += sum);
+                    for copy in (c..channels).filter(|&copy| self.originals[copy] == c) {
+                        sums.iter().enumerate().for_each(|(p, &sum)| tallies[p * channels + copy] += sum);
+                    }
                 }
                 Ok(())
             },

@@ -22,7 +22,7 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
 pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
     let mut tracer = monte_carlo(settings, settings.spp.unwrap_or(settings.strategy.spp()))?;
     if settings.strategy == StrategyKind::Descent {
-        tracer = tracer.with_pooled_adjoint().with_adjoint_paths(settings.gradient_spp)?;
+        tracer = tracer.with_pooled_adjoint().with_adjoint_paths(gradient_paths(settings))?;
     }
     let values: Arc<dyn Predictor> = match settings.predictor {
         PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer),
@@ -37,6 +37,11 @@ pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, 
             Ok(Arc::new(WithGradient::new(values, network(settings)?)))
         }
     }
+}
+
+/// Paths of the derivative a point and channel: its noise adds up over channels, so that more of them need fewer each.
+fn gradient_paths(settings: &PrintSettings) -> f32 {
+    settings.gradient_spp * (3.0 / settings.materials.channels() as f32).min(1.0)
 }
 
 #[cfg(feature = "rpnn")]

@@ -1,6 +1,7 @@
 //! The report of a print job, written as `report.json`.
 
-use pellucid_core::NoisyScore;
+use pellucid_color::spectrum::Illuminant;
+use pellucid_core::{ErrorStats, NoisyScore};
 use pellucid_mesh::MeshReport;
 use pellucid_refine::{Evaluation, RefineReport};
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,20 @@ impl PredictionError {
     pub(crate) fn of(score: &NoisyScore) -> Self {
         Self { rmse: score.rmse(), bias: score.bias() }
     }
+}
+
+/// What the print looks like under one of several lights, in CIEDE2000 over 0.1 mm of surface, the noise of paths
+/// included.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightErrors {
+    /// The light; the first is the one that the print is judged under.
+    pub illuminant: Illuminant,
+    /// To what it should look like there, before and after refinement.
+    pub error: [ErrorStats; 2],
+    /// Colour inconstancy: from its look under the first light, before and after.
+    pub inconstancy: [ErrorStats; 2],
+    /// The inconstancy of what it should look like.
+    pub wanted_inconstancy: ErrorStats,
 }
 
 /// Where material is thin.
@@ -94,6 +109,9 @@ pub struct Report {
     /// Error of the appearance that the proof shows.
     #[serde(default)]
     pub picture: PictureError,
+    /// The same labels under all lights, where there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lights: Vec<LightErrors>,
     /// The network beside the judge's paths; absent with the path tracer, whose only error is noise.
     pub prediction: Option<PredictionError>,
     /// What was tried, where the settings left the predictor open.

@@ -6,7 +6,7 @@ use pellucid_mesh::Scale;
 use pellucid_predict::{Correction, NetworkDevice, Sharing};
 use pellucid_refine::{Descent, Effort, RefineSettings, Strategy, SurfaceColor, SurfaceFirst};
 use pellucid_slice::{Container, PrintTarget};
-use pellucid_voxel::MaterialTable;
+use pellucid_voxel::{Channels, MaterialTable};
 use serde::{Deserialize, Serialize};
 
 use crate::PrintError;
@@ -121,6 +121,11 @@ pub struct PrintSettings {
     pub refractive_index: f64,
     /// The light that a print of many bands is looked at; R, G, B need none.
     pub illuminant: Illuminant,
+    /// Further lights under which a print of many bands should look right too. What a colour should look like there
+    /// follows from a smooth reflectance that has it under [`PrintSettings::illuminant`]; only
+    /// [`StrategyKind::Descent`] heeds them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub also_under: Vec<Illuminant>,
     /// Aim at absolute colours instead of colours relative to the print's white.
     pub absolute: bool,
     /// Predictor of the refinement.
@@ -153,7 +158,8 @@ pub struct PrintSettings {
     pub descent: Descent,
     /// Where it takes derivatives from.
     pub gradient: GradientKind,
-    /// Mean number of paths a point and channel of [`GradientKind::Paths`] in each iteration, above 0.
+    /// Mean number of paths a point and channel of [`GradientKind::Paths`] in each iteration, above 0, of three channels;
+    /// more channels share as many paths in all.
     pub gradient_spp: f32,
     /// Seed of everything random.
     pub seed: u64,
@@ -181,6 +187,7 @@ impl Default for PrintSettings {
             materials: MaterialTable::cmykw(),
             refractive_index: 1.5,
             illuminant: Illuminant::default(),
+            also_under: Vec::new(),
             absolute: false,
             predictor: PredictorKind::default(),
             weights: None,
@@ -227,6 +234,15 @@ impl PrintSettings {
         }
         if let Some(set) = self.instruction_set {
             set.require().map_err(PrintError::Unsupported)?;
+        }
+        if !self.also_under.is_empty() {
+            let bands = matches!(self.materials.spectrum(), Channels::Bands { count: 4.., .. });
+            if !bands || self.strategy != StrategyKind::Descent {
+                return Err(PrintError::invalid(
+                    "also_under",
+                    "further lights need materials of 4 or more bands, and the strategy descent",
+                ));
+            }
         }
         self.refine.check()?;
         self.surface_first.check()?;

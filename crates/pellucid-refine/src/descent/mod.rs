@@ -1,5 +1,6 @@
 //! Descent along true derivatives: which inks, where, are to blame for what is seen.
 
+mod aims;
 mod cells;
 mod loss;
 mod noise;
@@ -10,14 +11,13 @@ mod step;
 
 use pellucid_core::{Control, Domain, random};
 use pellucid_predict::{Draw, Pass};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::low_pass::{LOCAL_MM, LowPass};
 use crate::settings::check_ranges;
 use crate::{Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, SurfaceSmoother};
-use cells::CellGradient;
-use loss::{Found, Scale, Weights};
+use aims::{Loss, pull};
+use loss::{Scale, Weights};
 use patches::Patches;
 pub use rule::StepRule;
 pub use state::DescentState;
@@ -83,8 +83,8 @@ pub struct DescentTools {
     fine: SurfaceSmoother,
     /// Makes the means that local contrast leaves out.
     low_pass: LowPass,
-    /// Through the refinement's own Gaussian and through `fine`.
-    scales: [Scale; 2],
+    /// By viewing, through the refinement's own Gaussian and through `fine`.
+    scales: Vec<[Scale; 2]>,
 }
 
 impl Strategy for Descent {
@@ -156,10 +156,11 @@ impl Strategy for Descent {
         let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
         let weights = Weights { forgiveness: self.forgiveness, contrast: self.contrast };
         let low_pass = LowPass::new(surface, LOCAL_MM, control)?;
-        let scale = |smoother: &SurfaceSmoother, weight| {
-            Scale::new(smoother, setup.problem.printable_target, weight, weights, control)
-        };
-        let scales = [scale(smoother, 1.0)?, scale(&fine, FINE_WEIGHT)?];
+        let scales = aims::scales(setup, |aim, share| {
+            let scale =
+                |smoother: &SurfaceSmoother, weight| Scale::new(smoother, aim, weight, weights, control);
+            Ok([scale(smoother, share)?, scale(&fine, share * FINE_WEIGHT)?])
+        })?;
         Ok(DescentTools { patches: Patches::new(surface), fine, low_pass, scales })
     }
 
@@ -197,10 +198,9 @@ impl Descent {
         seen: &Seen<'_>,
         control: &Control<'_>,
     ) -> Result<Moved, RefineError> {
-        let reach = reach(setup, seen.shown);
-        let found = tools.loss(seen, &reach, control)?;
+        let found = tools.loss(setup, seen, control)?;
         tools.patches.judge(&mut state.patches, &found.loss);
-        let total = found.loss.iter().map(|&l| f64::from(l)).sum::<f64>() / found.loss.len().max(1) as f64;
+        let total = found.mean();
         state.losses.push(total);
         let noise = match state.asks_for_noise() {
             true => Some(tools.noise(setup, seen, control)?),
@@ -212,11 +212,11 @@ impl Descent {
 
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
         if state.steps == 0 && self.rule != StepRule::Adam {
-            let by_inks = self.curvature(setup, tools, seen, draw, &found.curvature, control)?;
-            let expected = found.curvature.iter().zip(&reach).map(|(w, s)| dot(w, s)).sum();
-            state.take_curvature(setup, &by_inks, expected);
+            let by_inks = self.curvature(setup, tools, seen, draw, &found, control)?;
+            state.take_curvature(setup, &by_inks, found.expected());
         }
-        let gradient = pull(setup, seen, draw, &setup.points, &found.gradient, control)?;
+        let d_shown = |viewing: usize, point: u32| found.slopes[viewing].gradient[point as usize];
+        let gradient = pull(setup, seen, draw, &setup.points, d_shown, control)?;
         let moved = step::take(self, Cells::of(setup), state, tools, gradient, control)?;
         state.steps += 1;
         Ok(Moved { loss: Some(total), noise, step: Some(moved), settled: settled(&state.losses) })
@@ -229,72 +229,20 @@ impl Descent {
         tools: &DescentTools,
         seen: &Seen<'_>,
         draw: Draw,
-        d_shown: &[[f32; 3]],
+        found: &Loss,
         control: &Control<'_>,
     ) -> Result<Vec<f32>, RefineError> {
         let every = if setup.points.len() < CURVATURE_ALL { 1 } else { CURVATURE_EVERY };
         // Chosen by chance: every fourth in a row would see one phase of a pattern.
         let chosen = |p: &u32| random::hash(setup.seed, CHOICE, u64::from(*p), 0).is_multiple_of(every);
         let points: Vec<u32> = setup.points.iter().copied().filter(chosen).collect();
-        let each = points.iter().map(|&p| d_shown[p as usize].map(|d| d * every as f32));
-        let d_shown: Vec<[f32; 3]> = each.collect();
-        let mut by_inks = pull(setup, seen, draw, &points, &d_shown, control)?;
+        let d_shown = |viewing: usize, point: u32| {
+            found.slopes[viewing].curvature[point as usize].map(|d| d * every as f32)
+        };
+        let mut by_inks = pull(setup, seen, draw, &points, d_shown, control)?;
         step::smooth(Cells::of(setup), &mut by_inks, &tools.fine, control)?;
         Ok(by_inks)
     }
-}
-
-impl DescentTools {
-    /// The loss, its gradient, and the weights of its curvature, by shown colours.
-    fn loss(&self, seen: &Seen<'_>, reach: &[[f32; 3]], control: &Control<'_>) -> Result<Found, RefineError> {
-        let count = seen.shown.len();
-        let mut found = Found {
-            loss: vec![0.0; count],
-            gradient: vec![[0.0; 3]; count],
-            curvature: vec![[0.0; 3]; count],
-        };
-        for (scale, smoother) in self.scales.iter().zip([seen.smoother, &self.fine]) {
-            scale.add(smoother, &self.low_pass, seen.shown, reach, &mut found, control)?;
-        }
-        Ok(found)
-    }
-}
-
-/// Derivatives by inks in place of white, `[point][layer][ink]`, given those by the colours that some points show.
-fn pull(
-    setup: &Setup<'_>,
-    seen: &Seen<'_>,
-    draw: Draw,
-    points: &[u32],
-    d_shown: &[[f32; 3]],
-    control: &Control<'_>,
-) -> Result<Vec<f32>, RefineError> {
-    let viewing = setup.problem.viewing;
-    let mut d_radiance = vec![0.0; points.len() * viewing.channels()];
-    let rows = d_radiance.par_chunks_exact_mut(viewing.channels());
-    rows.zip(d_shown).for_each(|(d_radiance, &d)| viewing.pullback(d, d_radiance));
-    let mut cells = CellGradient::new(setup);
-    seen.bound
-        .pullback(points, draw, &d_radiance, &mut cells, control)
-        .map_err(|e| RefineError::predict(seen.iteration, e))?;
-    Ok(cells.by_inks())
-}
-
-/// How far each shown colour would go, up to a factor, if every ink took its whole range: as of a thick layer by
-/// Kubelka and Munk, whose reflectance R changes by 2 R² / (1 - R²) with absorption over scattering.
-fn reach(setup: &Setup<'_>, shown: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let white = setup.problem.viewing.media_white();
-    let each = shown.par_iter().map(|shown| {
-        std::array::from_fn(|c| {
-            let reflectance = (shown[c] * white[c]).clamp(0.02, 0.93);
-            2.0 * reflectance * reflectance / (1.0 - reflectance * reflectance) / white[c]
-        })
-    });
-    each.collect()
-}
-
-fn dot(a: &[f32; 3], b: &[f32; 3]) -> f64 {
-    (0..3).map(|c| f64::from(a[c] * b[c])).sum()
 }
 
 /// True when the last steps hardly lowered the loss.

@@ -2,7 +2,6 @@
 
 use pellucid_core::Control;
 use pellucid_predict::{Draw, Pass};
-use rayon::prelude::*;
 
 use super::{DescentState, DescentTools};
 use crate::{RefineError, Seen, Setup};
@@ -56,19 +55,12 @@ impl DescentTools {
         seen: &Seen<'_>,
         control: &Control<'_>,
     ) -> Result<f64, RefineError> {
-        let viewing = setup.problem.viewing;
         let draw = Draw { pass: Pass::Repeat(seen.iteration), ..seen.draw };
         let mut radiance = vec![0.0; seen.radiance.len()];
         seen.bound
             .predict(&setup.points, draw, &mut radiance, control)
             .map_err(|e| RefineError::predict(seen.iteration, e))?;
-        let again: Vec<[f32; 3]> =
-            radiance.par_chunks_exact(viewing.channels()).map(|l| viewing.relative_rgb(l)).collect();
-        let mut sum = 0.0;
-        for (scale, smoother) in self.scales.iter().zip([seen.smoother, &self.fine]) {
-            sum += scale.noise(smoother, &self.low_pass, [seen.shown, &again], control)?;
-        }
-        Ok(sum / setup.points.len().max(1) as f64)
+        self.noise_between(setup, seen, &radiance, control)
     }
 }
 

@@ -115,6 +115,7 @@ impl Slab {
             viewing: &self.viewing,
             target: &self.target,
             printable_target: &self.printable,
+            further: &[],
         }
     }
 

@@ -70,6 +70,15 @@ impl Tracer<'_> {
             return Err(TraceError::invalid("d_radiance", format!("value {i} is {}", d_radiance[i])));
         }
         control.check()?;
+        // Channels that repeat are walked once.
+        let folded;
+        let d_radiance = match self.originals().iter().enumerate().any(|(c, &o)| c != o) {
+            false => d_radiance,
+            true => {
+                folded = self.folded(d_radiance);
+                &folded
+            }
+        };
         let mean = d_radiance.iter().map(|&r| f64::from(r).abs()).sum::<f64>() / d_radiance.len() as f64;
         if d_radiance.is_empty() || mean == 0.0 {
             return Ok(0);
@@ -105,6 +114,16 @@ impl Tracer<'_> {
             pass.hand_out(per_path, &mut cells, out, control)?;
         }
         Ok(total)
+    }
+
+    /// The weights of repeated channels added to those of the first one, and 0 in their place.
+    fn folded(&self, d_radiance: &[f32]) -> Vec<f32> {
+        let mut folded = vec![0.0; d_radiance.len()];
+        let rows = folded.chunks_exact_mut(self.channels()).zip(d_radiance.chunks_exact(self.channels()));
+        for (folded, row) in rows {
+            row.iter().zip(self.originals()).for_each(|(d, &original)| folded[original] += d);
+        }
+        folded
     }
 
     /// Random key of a point's paths.

@@ -11,6 +11,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod bands;
 mod lanes;
 mod math;
 mod portable;
@@ -18,13 +19,14 @@ mod replay;
 mod step;
 mod work;
 
+use bands::{Companions, Shared};
 use lanes::Lanes;
 use pellucid_core::InstructionSet;
 use portable::Portable;
-use step::{Constants, Events, Paths};
+use step::{Constants, Events, Paths, Trail};
 
 use crate::bricks::Brick;
-use crate::coefficients::{Coefficients, Phase};
+use crate::coefficients::{Coefficients, Phase, SharedBands};
 use crate::exit::{self, Outcome};
 use crate::march::voxel;
 use crate::rng;
@@ -35,6 +37,7 @@ use crate::adjoint::{Cells, Phases};
 use replay::{Replay, Weights};
 use work::{Tallies, Work};
 
+pub(crate) use bands::{Block, MOST_BANDS};
 pub(crate) use replay::{Addressed, Path, Scores};
 pub(crate) use work::Batch;
 
@@ -100,6 +103,17 @@ impl Form {
 /// Traces a batch, adding to one tally a start.
 pub(crate) fn trace(form: Form, scene: &Scene<'_>, batch: &Batch<'_>, tallies: &mut [Tally]) {
     walk::<false, _>(form, scene, &mut Tallies::new(batch, tallies));
+}
+
+/// Traces a batch by the paths of one of several bands, adding to the blocks of each start and sample.
+pub(crate) fn trace_shared(
+    form: Form,
+    scene: &Scene<'_>,
+    bands: &SharedBands,
+    batch: &Batch<'_>,
+    blocks: &mut [Block],
+) {
+    walk::<false, _>(form, scene, &mut Shared::new(batch, bands, blocks));
 }
 
 /// Throughput of every path, 0 for those that are absorbed.
@@ -179,24 +193,26 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, const RECORD: bo
     };
     let mut vectors: [Vector<L>; VECTORS] =
         std::array::from_fn(|_| Vector { paths: idle, alive: 0, owner: [0; 16], deadline: [0; 16] });
+    let mut extras: [W::Extra<L>; VECTORS] = std::array::from_fn(|_| work.extra(l));
     let mut next_check = MAX_STEPS;
     let mut steps = 0u64;
     loop {
         if steps == next_check {
-            next_check = end_overdue(l, &mut vectors, steps, work);
+            next_check = end_overdue(l, &mut vectors, &extras, steps, work);
         }
         let mut busy = false;
-        for v in &mut vectors {
+        for (v, extra) in vectors.iter_mut().zip(&mut extras) {
             let dead = v.alive.count_zeros();
             if (dead >= REFILL || v.alive == 0) && dead > 0 && work.left() {
-                refill(l, v, work, steps);
+                refill(l, v, extra, work, steps);
             }
             if v.alive == 0 {
                 continue;
             }
             busy = true;
+            let alive = l.mask(v.alive);
             let events =
-                step::step::<L, REGULAR, PER_MATERIAL, RECORD>(l, &constants, &mut v.paths, l.mask(v.alive));
+                step::step::<L, _, REGULAR, PER_MATERIAL, RECORD>(l, &constants, &mut v.paths, extra, alive);
             if RECORD {
                 work.record(l, &constants, v, &events.trail);
             }
@@ -205,13 +221,15 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, const RECORD: bo
                 let left = surface_events(l, volume, scene.index, v, &events);
                 if left != 0 {
                     let weights = l.store(v.paths.weight);
-                    for lane in bits(left) {
-                        work.leaves(v.owner[lane], weights[lane]);
-                    }
+                    work.leave(l, extra, &v.owner, left, &weights);
                     v.alive &= !left;
                 }
             }
-            v.alive &= !l.mask_bits(events.absorbed);
+            let absorbed = l.mask_bits(events.absorbed);
+            if absorbed != 0 {
+                work.absorb(l, extra, &v.owner, absorbed);
+                v.alive &= !absorbed;
+            }
         }
         if !busy {
             break;
@@ -222,7 +240,7 @@ fn run<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, const RECORD: bo
 
 /// Gives idle lanes new paths.
 #[inline(always)]
-fn refill<L: Lanes>(l: L, v: &mut Vector<L>, work: &mut impl Work, steps: u64) {
+fn refill<L: Lanes, W: Work>(l: L, v: &mut Vector<L>, extra: &mut W::Extra<L>, work: &mut W, steps: u64) {
     let mut position = [[0.0f32; 16]; 3];
     let mut direction = [[0.0f32; 16]; 3];
     let mut byte = [0u32; 16];
@@ -257,6 +275,7 @@ fn refill<L: Lanes>(l: L, v: &mut Vector<L>, work: &mut impl Work, steps: u64) {
     p.flight = l.select(m, l.splat(0.0), p.flight);
     p.byte = l.bits(l.select(m, l.floats(l.load_i(&byte)), l.floats(p.byte)));
     p.rng = l.select_w(m, l.load_w(&state), p.rng);
+    extra.begin(l, m);
     v.alive |= taken;
 }
 
@@ -298,13 +317,19 @@ fn surface_events<L: Lanes>(l: L, volume: &Volume, index: f32, v: &mut Vector<L>
 
 /// Ends the paths whose time is up; returns when the next one's may be.
 #[cold]
-fn end_overdue<L: Lanes>(l: L, vectors: &mut [Vector<L>], steps: u64, work: &mut impl Work) -> u64 {
+fn end_overdue<L: Lanes, W: Work>(
+    l: L,
+    vectors: &mut [Vector<L>],
+    extras: &[W::Extra<L>],
+    steps: u64,
+    work: &mut W,
+) -> u64 {
     let mut next = steps + MAX_STEPS;
-    for v in vectors {
+    for (v, extra) in vectors.iter_mut().zip(extras) {
         let weights = l.store(v.paths.weight);
         for lane in bits(v.alive) {
             if v.deadline[lane] <= steps {
-                work.leaves(v.owner[lane], weights[lane]);
+                work.leave(l, extra, &v.owner, 1 << lane, &weights);
                 v.alive &= !(1 << lane);
             } else {
                 next = next.min(v.deadline[lane]);

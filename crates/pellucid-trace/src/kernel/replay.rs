@@ -103,6 +103,11 @@ impl<'a> Replay<'a> {
 }
 
 impl Work for Weights<'_> {
+    type Extra<L: Lanes> = ();
+
+    #[inline(always)]
+    fn extra<L: Lanes>(&self, _: L) {}
+
     #[inline(always)]
     fn left(&self) -> bool {
         self.next < self.paths.paths.len()
@@ -123,6 +128,11 @@ impl Work for Weights<'_> {
 }
 
 impl Work for Replay<'_> {
+    type Extra<L: Lanes> = ();
+
+    #[inline(always)]
+    fn extra<L: Lanes>(&self, _: L) {}
+
     #[inline(always)]
     fn left(&self) -> bool {
         self.next < self.paths.paths.len()

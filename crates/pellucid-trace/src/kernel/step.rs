@@ -3,6 +3,7 @@
 //!
 //! No closures here: they would not inherit the caller's instruction set.
 
+use super::bands::Companions;
 use super::lanes::Lanes;
 use super::math::{neg_ln, sin_cos_turn, unit};
 use crate::bricks::{Bricks, SHARED};
@@ -104,10 +105,17 @@ impl<'a, L: Lanes> Constants<'a, L> {
 ///
 /// Each lane draws the same numbers whatever its neighbours do, and moves the same whether recorded or not.
 #[inline(always)]
-pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, const RECORD: bool>(
+pub(super) fn step<
+    L: Lanes,
+    E: Companions<L>,
+    const REGULAR: bool,
+    const PER_MATERIAL: bool,
+    const RECORD: bool,
+>(
     l: L,
     c: &Constants<'_, L>,
     s: &mut Paths<L>,
+    extra: &mut E,
     alive: L::M,
 ) -> Events<L> {
     let zero = l.splat(0.0);
@@ -188,6 +196,7 @@ pub(super) fn step<L: Lanes, const REGULAR: bool, const PER_MATERIAL: bool, cons
     let u1 = unit(l, b1);
     let u2 = unit(l, b2);
     let scatters = l.and(arrived, l.lt(u1, l.lookup(c.scatter, s.byte)));
+    extra.collide(l, s.byte, arrived, scatters);
     if RECORD {
         trail.scatters = scatters;
         trail.kept = s.weight;

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use super::Vector;
+use super::bands::Companions;
 use super::lanes::Lanes;
 use super::step::{Constants, Trail};
+use super::{Vector, bits};
 use crate::tally::Tally;
 use crate::volume::Start;
 
@@ -20,11 +21,31 @@ pub(super) struct Job<'a> {
 
 /// Hands out paths and takes in their ends.
 pub(super) trait Work {
+    /// What paths carry beside their weight.
+    type Extra<L: Lanes>: Companions<L>;
+    fn extra<L: Lanes>(&self, l: L) -> Self::Extra<L>;
     /// Tells whether there are paths to walk still.
     fn left(&self) -> bool;
     fn next(&mut self) -> Option<Job<'_>>;
     /// A path left the object with a throughput. One that does not was absorbed.
     fn leaves(&mut self, owner: u32, weight: f32);
+    /// Paths of some lanes left.
+    #[inline(always)]
+    fn leave<L: Lanes>(
+        &mut self,
+        _: L,
+        _: &Self::Extra<L>,
+        owner: &[u32; 16],
+        lanes: u16,
+        weights: &[f32; 16],
+    ) {
+        for lane in bits(lanes) {
+            self.leaves(owner[lane], weights[lane]);
+        }
+    }
+    /// Paths of some lanes were absorbed.
+    #[inline(always)]
+    fn absorb<L: Lanes>(&mut self, _: L, _: &Self::Extra<L>, _: &[u32; 16], _: u16) {}
     /// Every living lane of a vector did a step.
     fn record<L: Lanes>(&mut self, l: L, constants: &Constants<'_, L>, v: &Vector<L>, trail: &Trail<L>);
 }
@@ -53,6 +74,11 @@ impl<'a> Tallies<'a> {
 }
 
 impl Work for Tallies<'_> {
+    type Extra<L: Lanes> = ();
+
+    #[inline(always)]
+    fn extra<L: Lanes>(&self, _: L) {}
+
     #[inline(always)]
     fn left(&self) -> bool {
         self.start < self.batch.starts.len() && !self.batch.samples.is_empty()

@@ -4,11 +4,14 @@ use std::sync::Arc;
 
 use pellucid_color::gamut::{DEFAULT_THICKNESSES_MM, ThicknessGamut};
 use pellucid_color::mixture::table::DEFAULT_NODES;
+use pellucid_color::plane_parallel::Solver;
+use pellucid_color::spectrum::Illuminant;
+use pellucid_color::upsampling::Upsampling;
 use pellucid_color::{Gamut, MatchOptions, MediaWhite, MixtureModel, Rendering, RenderingIntent, Viewing};
 use pellucid_core::Control;
 use pellucid_mesh::MeshReport;
 use pellucid_predict::Object;
-use pellucid_refine::{GamutInk, InkModel, Problem};
+use pellucid_refine::{Aim, GamutInk, InkModel, Problem};
 use pellucid_voxel::{LabelGrid, NearestSurface};
 use rayon::prelude::*;
 
@@ -21,8 +24,29 @@ use crate::{Monitor, PrintError, PrintJob};
 /// Nodes a side of the gamut tables of thin parts.
 const THIN_NODES: usize = 17;
 
+/// Colours whose reflectances are found between looks at the cancellation flag.
+const UPSAMPLED: usize = 4096;
+
 /// An ink model that artefacts share.
 pub type SharedInk = Arc<dyn InkModel + Send + Sync>;
+
+/// What the print should look like under one more light.
+#[derive(Clone)]
+pub struct FurtherAim {
+    /// The light.
+    pub illuminant: Illuminant,
+    /// From radiance to colour under it.
+    pub viewing: Viewing,
+    /// What each surface voxel should show and can, relative to the print's white under that light.
+    pub printable_target: Vec<[f32; 3]>,
+}
+
+impl FurtherAim {
+    /// The refinement's aim.
+    pub fn aim(&self) -> Aim<'_> {
+        Aim { viewing: &self.viewing, printable_target: &self.printable_target }
+    }
+}
 
 /// An object with its targets. Colours are linear RGB relative to the print's white.
 #[derive(Clone)]
@@ -48,6 +72,8 @@ pub struct Aimed {
     pub printable_target: Vec<[f32; 3]>,
     /// Thickness in mm below each surface voxel, along its normal; at most 10.
     pub thickness_mm: Vec<f32>,
+    /// The printable target in further viewings: those of [`PrintSettings::also_under`](crate::PrintSettings).
+    pub further: Vec<FurtherAim>,
     /// Where material is thin.
     pub thin: Thinness,
     /// Size `[x, y, z]` in mm.
@@ -57,7 +83,12 @@ pub struct Aimed {
 }
 
 impl Aimed {
-    /// The refinement's problem.
+    /// What the refinement aims at in further viewings, for [`Problem::further`].
+    pub fn further_aims(&self) -> Vec<Aim<'_>> {
+        self.further.iter().map(FurtherAim::aim).collect()
+    }
+
+    /// The refinement's problem, without further viewings.
     pub fn problem(&self) -> Problem<'_> {
         Problem {
             object: &self.object,
@@ -66,6 +97,7 @@ impl Aimed {
             viewing: &self.viewing,
             target: &self.target,
             printable_target: &self.printable_target,
+            further: &[],
         }
     }
 }
@@ -101,8 +133,10 @@ impl PrintJob {
             false => [gamut.map(rgb).rgb; 2],
         };
         let reached = target.par_iter().zip(&placed.thickness_mm).map(within_reach);
-        let (gamut_target, printable_target) = reached.map(|[thick, own]| (thick, own)).unzip();
+        let (gamut_target, printable_target): (Vec<_>, Vec<_>) =
+            reached.map(|[thick, own]| (thick, own)).unzip();
         control.check()?;
+        let further = self.further(&viewing, &printable_target, control)?;
         let object = Object::new(placed.surface, s.materials.clone(), s.refractive_index)?;
         Ok(Aimed {
             model: placed.model,
@@ -114,11 +148,56 @@ impl PrintJob {
             target,
             gamut_target,
             printable_target,
+            further,
             thin: Thinness::of(&placed.thickness_mm),
             thickness_mm: placed.thickness_mm,
             extent_mm: placed.extent_mm,
             mesh: placed.mesh,
         })
+    }
+
+    /// The targets under further lights: those of the smooth reflectances that look like the targets in `viewing`.
+    fn further(
+        &self,
+        viewing: &Viewing,
+        target: &[[f32; 3]],
+        control: &Control<'_>,
+    ) -> Result<Vec<FurtherAim>, PrintError> {
+        let s = &self.settings;
+        if s.also_under.is_empty() {
+            return Ok(Vec::new());
+        }
+        let bands = s.materials.spectrum();
+        let white =
+            s.materials.get(self.white).ok_or_else(|| PrintError::invalid("materials", "no white"))?;
+        let white = Solver::new(s.refractive_index)?.thick_block(white)?;
+        let upsampling = Upsampling::new(bands, viewing, &white)?;
+        let viewings = s.also_under.iter().map(|&light| Viewing::new(bands, light, &white));
+        let viewings: Vec<Viewing> = viewings.collect::<Result<_, _>>()?;
+        let mut targets = vec![vec![[0.0; 3]; target.len()]; viewings.len()];
+        // In parts, for cancellation.
+        for start in (0..target.len()).step_by(UPSAMPLED) {
+            control.check()?;
+            let part = start..target.len().min(start + UPSAMPLED);
+            let seen: Vec<Vec<[f32; 3]>> = target[part.clone()]
+                .par_iter()
+                .map(|&rgb| {
+                    let radiance = upsampling.radiance(rgb);
+                    viewings.iter().map(|viewing| viewing.relative_rgb(&radiance)).collect()
+                })
+                .collect();
+            for (i, seen) in part.zip(seen) {
+                targets.iter_mut().zip(seen).for_each(|(target, rgb)| target[i] = rgb);
+            }
+        }
+        let each = s.also_under.iter().zip(viewings).zip(targets);
+        Ok(each
+            .map(|((&illuminant, viewing), printable_target)| FurtherAim {
+                illuminant,
+                viewing,
+                printable_target,
+            })
+            .collect())
     }
 
     /// Colours of thick prints, and of parts by their thickness.

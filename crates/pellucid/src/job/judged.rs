@@ -1,17 +1,20 @@
 //! The fourth artefact: what fresh paths say of the labels before and after, and what they look like.
 
 use pellucid_core::Control;
-use pellucid_predict::{Predictor, without_noise};
+use pellucid_predict::{Changed, Draw, Pass, Predictor, predict_all, without_noise};
 use pellucid_proof::{Proof, View};
-use pellucid_refine::{Evaluation, Judge, JudgeInput, Judged as Judgement};
+use pellucid_refine::{Aim, Evaluation, Judge, JudgeInput, Judged as Judgement, Viewed};
 use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
 use crate::job::{Aimed, Refined};
-use crate::report::{ErrorHistogram, PictureError, PredictionError};
+use crate::report::{ErrorHistogram, LightErrors, PictureError, PredictionError};
 use crate::stage::Stage;
 use crate::workspace::JUDGED;
 use crate::{Monitor, PrintError, PrintJob, Workspace, predictors};
+
+/// Paths a point and band by which a print is looked at under several lights.
+const LIGHT_SPP: u32 = 32;
 
 /// Judged labels.
 #[derive(Clone, Debug)]
@@ -29,6 +32,8 @@ pub struct Judged {
     pub picture: PictureError,
     /// Where each is off the target as given, over 0.1 mm: CIEDE2000 in parts, out of gamut, too thin, cross-talk.
     pub error_parts: [Vec<[f32; 3]>; 2],
+    /// Errors and inconstancy under all lights, where there are several.
+    pub lights: Vec<LightErrors>,
     /// Target, unrefined and refined appearance from both sides, media-relative linear RGB; and the refined error at
     /// 0.1 mm to the target as given in its parts, out of gamut, too thin and cross-talk.
     pub proof: Proof,
@@ -40,6 +45,8 @@ struct Verdict {
     evaluation: Evaluation,
     prediction: Option<PredictionError>,
     picture: PictureError,
+    #[serde(default)]
+    lights: Vec<LightErrors>,
     /// Of every surface voxel, before and after.
     #[serde(skip)]
     appearance: [Vec<[f32; 3]>; 2],
@@ -88,6 +95,7 @@ impl PrintJob {
             evaluation: verdict.evaluation,
             prediction: verdict.prediction,
             picture: verdict.picture,
+            lights: verdict.lights,
             appearance: verdict.appearance,
             error_parts: verdict.parts,
             proof,
@@ -129,7 +137,40 @@ impl PrintJob {
         let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
         let parts =
             [judge.error_parts(&appearance[0], &silent)?, judge.error_parts(&appearance[1], &silent)?];
-        Ok(Verdict { evaluation, prediction, picture, appearance, parts })
+        let lights = self.lights(aimed, [&refined.unrefined, &refined.labels], &silent)?;
+        Ok(Verdict { evaluation, prediction, picture, lights, appearance, parts })
+    }
+
+    /// Labels before and after under all lights, where there are several.
+    fn lights(
+        &self,
+        aimed: &Aimed,
+        labels: [&LabelGrid; 2],
+        control: &Control<'_>,
+    ) -> Result<Vec<LightErrors>, PrintError> {
+        if aimed.further.is_empty() {
+            return Ok(Vec::new());
+        }
+        let problem = aimed.problem();
+        let own = Aim { viewing: problem.viewing, printable_target: problem.printable_target };
+        let aims: Vec<Aim<'_>> = std::iter::once(own).chain(aimed.further_aims()).collect();
+        let mut bound = predictors::monte_carlo(&self.settings, LIGHT_SPP)?.bind(aimed.object.clone())?;
+        let mut look = |labels: &LabelGrid| {
+            bound.update(labels, Changed::Unknown, control)?;
+            let draw = Draw::new(self.settings.seed, Pass::Proof);
+            let (radiance, _) = predict_all(&*bound, &aimed.object, draw, control)?;
+            Ok::<_, PrintError>(Viewed::of(aimed.object.surface(), &aims, &radiance, control)?)
+        };
+        let [before, after] = [look(labels[0])?, look(labels[1])?];
+        let lights =
+            std::iter::once(self.settings.illuminant).chain(aimed.further.iter().map(|f| f.illuminant));
+        let each = lights.enumerate().map(|(i, illuminant)| LightErrors {
+            illuminant,
+            error: [before.errors[i], after.errors[i]],
+            inconstancy: [before.inconstancy[i], after.inconstancy[i]],
+            wanted_inconstancy: after.wanted_inconstancy[i],
+        });
+        Ok(each.collect())
     }
 
     /// Radiance of some points by the network without its correction, where the job's predictor has one.
@@ -141,8 +182,6 @@ impl PrintJob {
         points: &[u32],
         control: &Control<'_>,
     ) -> Result<Option<Vec<f32>>, PrintError> {
-        use pellucid_predict::{Changed, Draw, Pass};
-
         if self.settings.predictor != crate::PredictorKind::Rpnn {
             return Ok(None);
         }

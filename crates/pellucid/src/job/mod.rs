@@ -26,7 +26,7 @@ use crate::stage::Stage;
 use crate::workspace::CHOICE;
 use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyKind, Workspace, predictors};
 
-pub use aimed::{Aimed, SharedInk};
+pub use aimed::{Aimed, FurtherAim, SharedInk};
 pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};

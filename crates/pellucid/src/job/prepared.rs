@@ -64,6 +64,7 @@ impl Prepared {
             error_histogram: self.judged.error_histogram(),
             picture: self.judged.picture,
             choice: self.choice.clone(),
+            lights: self.judged.lights.clone(),
             prediction: self.judged.prediction,
             texture: None,
             stages: monitor.times(),

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use pellucid_predict::Predictor;
-use pellucid_refine::{RefineError, RefineReport, Refinement, Saved, Strategy, SurfaceColor};
+use pellucid_refine::{Problem, RefineError, RefineReport, Refinement, Saved, Strategy, SurfaceColor};
 use pellucid_voxel::LabelGrid;
 
 use crate::job::Aimed;
@@ -119,7 +119,8 @@ impl PrintJob {
         colors: impl Fn(&Refinement<'_, S>) -> Option<Vec<[f32; 3]>>,
     ) -> Result<Refined, PrintError> {
         let settings = self.settings.refine.clone();
-        let problem = aimed.problem();
+        let further = aimed.further_aims();
+        let problem = Problem { further: &further, ..aimed.problem() };
         let mut labels = aimed.solid.clone();
         let (refined, colors) = monitor.run(Stage::Refine, |control| {
             let mut bound = predictor.bind(aimed.object.clone())?;
