@@ -31,7 +31,7 @@ fn striped(tiled: bool) -> Model {
         triangles.extend(quad.map(|t| Triangle { vertices: t.map(|k| first + k), material: 0 }));
     }
     let texel = |i: usize| {
-        if i % 96 / 6 % 2 == 0 { [60, 90, 200] } else { [240, 200, 60] }
+        if (i % 96 / 6).is_multiple_of(2) { [60, 90, 200] } else { [240, 200, 60] }
     };
     let image = Image::from_srgb8(96, 64, (0..96 * 64).map(texel).collect()).unwrap();
     let texture = Texture::new(std::sync::Arc::new(image), Sampler::default());
