@@ -56,7 +56,7 @@ impl MeshFormat {
         self != Self::ThreeMf || cfg!(feature = "3mf")
     }
 
-    /// The files that [`write`] makes of a mesh called `stem`.
+    /// The files that [`write`](fn@write) makes of a mesh called `stem`.
     pub fn files(self, stem: &str) -> Vec<String> {
         match self {
             Self::Obj => ["obj", "mtl", "png"].map(|end| format!("{stem}.{end}")).to_vec(),

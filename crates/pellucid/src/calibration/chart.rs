@@ -9,7 +9,7 @@ use pellucid_slice::PrintTarget;
 use pellucid_voxel::{AIR, Channels, Frame, LabelGrid, Material, MaterialTable};
 
 use super::layout::{Area, Layout};
-use super::series::{self, BED_MM, DEEP_MM, Layers};
+use super::series::{self, BED_MM, Layers};
 use crate::PrintError;
 
 /// Most voxels of a chart.
@@ -225,7 +225,6 @@ impl Columns {
             }
             stacks.push(pieces);
         }
-        debug_assert!(layers.count(DEEP_MM) < layers.total());
         Ok(Self { stacks, black })
     }
 
