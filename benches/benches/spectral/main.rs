@@ -37,8 +37,11 @@ pub const LIGHTS: [Illuminant; 4] = [Illuminant::D65, Illuminant::A, Illuminant:
 
 /// A model at a height.
 pub struct Subject {
+    /// What it is called in tables.
     pub name: String,
+    /// The model.
     pub model: Model,
+    /// The size that it is printed in.
     pub scale: Scale,
 }
 

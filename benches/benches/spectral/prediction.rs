@@ -43,10 +43,13 @@ pub struct Bands {
     pub rmse: Vec<(String, f64)>,
 }
 
-/// The predictors that are judged: a name, and which one of an object.
-fn candidates() -> Result<Vec<(String, Arc<dyn Predictor>)>, Error> {
+/// A predictor under its name in tables.
+type Named = (String, Arc<dyn Predictor>);
+
+/// The predictors that are judged.
+fn candidates() -> Result<Vec<Named>, Error> {
     let paths = |bands: u32| MonteCarlo::new(PATHS).and_then(|p| p.with_shared_bands(bands));
-    let mut all: Vec<(String, Arc<dyn Predictor>)> = vec![(format!("{PATHS} paths"), Arc::new(paths(1)?))];
+    let mut all: Vec<Named> = vec![(format!("{PATHS} paths"), Arc::new(paths(1)?))];
     for bands in [2, 3, 4] {
         all.push((format!("{PATHS} paths, {bands} bands share each"), Arc::new(paths(bands)?)));
     }
