@@ -69,8 +69,17 @@ pub struct Checkpoints {
     folder: Option<PathBuf>,
     resume: bool,
     record: OnceLock<Value>,
-    /// Held locked while this process is at work.
-    lock: OnceLock<File>,
+    /// Held while this process is at work.
+    claim: OnceLock<Claim>,
+}
+
+/// A folder that is this process's.
+#[derive(Debug)]
+struct Claim {
+    /// Locked until it is closed.
+    _lock: File,
+    /// Folders that were made for it, the innermost first.
+    made: Vec<PathBuf>,
 }
 
 impl Checkpoints {
@@ -90,7 +99,7 @@ impl Checkpoints {
     }
 
     fn of(folder: PathBuf, resume: bool) -> Self {
-        Self { folder: Some(folder), resume, record: OnceLock::new(), lock: OnceLock::new() }
+        Self { folder: Some(folder), resume, record: OnceLock::new(), claim: OnceLock::new() }
     }
 
     /// The folder, where there is one.
@@ -114,9 +123,11 @@ impl Checkpoints {
     /// # Errors
     /// [`CheckpointError::Busy`] while another process is at work, [`CheckpointError::File`].
     pub fn claim(&self) -> Result<(), CheckpointError> {
-        let Some(folder) = self.folder.as_ref().filter(|_| self.lock.get().is_none()) else { return Ok(()) };
+        let Some(folder) = self.folder.as_ref().filter(|_| self.claim.get().is_none()) else { return Ok(()) };
         let path = folder.join(LOCK);
-        let file = loop {
+        let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
+        let made = made.map(Path::to_owned).collect();
+        let lock = loop {
             fs::create_dir_all(folder).map_err(FileError::at("create", folder))?;
             let file = File::options().create(true).truncate(false).write(true).open(&path);
             let file = file.map_err(FileError::at("create", &path))?;
@@ -128,7 +139,7 @@ impl Checkpoints {
                 break file;
             }
         };
-        let _ = self.lock.set(file);
+        let _ = self.claim.set(Claim { _lock: lock, made });
         Ok(())
     }
 
@@ -194,12 +205,15 @@ impl Checkpoints {
 }
 
 impl Drop for Checkpoints {
-    /// Ends the claim; the folder goes with it if nothing else is in there.
+    /// Ends the claim; the folder goes with it if nothing else is in there, and so do those that were made for it.
     fn drop(&mut self) {
-        let (Some(folder), Some(_lock)) = (&self.folder, self.lock.take()) else { return };
+        let (Some(folder), Some(claim)) = (&self.folder, self.claim.take()) else { return };
         // Best effort: a lock file that stays is taken over by the next process.
         let _ = fs::remove_file(folder.join(LOCK));
         let _ = fs::remove_dir(folder);
+        claim.made.iter().for_each(|made| {
+            let _ = fs::remove_dir(made);
+        });
     }
 }
 
@@ -246,6 +260,10 @@ mod tests {
     #[test]
     fn new_work_leaves_nothing_before_its_first_checkpoint_and_foreign_files_stay() {
         let parent = tempfile::tempdir().unwrap();
+        let inner = Checkpoints::create(parent.path().join("a/b/job"));
+        inner.claim().unwrap();
+        drop(inner);
+        assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
         let folder = parent.path().join("job");
         let work = Checkpoints::create(&folder);
         work.begin(&json!({})).unwrap();
