@@ -49,6 +49,7 @@ mod tests {
         // The mean of the halves is off by as much as they are apart.
         let noisy = [vec![0.30, 0.48, 0.24], vec![0.20, 0.32, 0.16]];
         let error = PictureError::of(&[[0.6; 3]], &[0], &noisy, &viewing);
-        assert_eq!((error.rmse, error.points), (0.0, 1));
+        // The root of what rounding leaves of a square.
+        assert!(error.rmse < 3e-4 && error.points == 1, "{error:?}");
     }
 }

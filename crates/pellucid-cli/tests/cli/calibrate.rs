@@ -130,7 +130,7 @@ fn a_filled_chart_becomes_materials_that_prepare_takes() {
 fn arguments_that_cannot_be_are_told() {
     for (arguments, part) in [
         (&["calibrate", "fit", "none.csv", "--out", "x", "--geometry", "45/45"][..], "d/8-excluded"),
-        (&["calibrate", "fit", "none.csv", "--out", "x", "--illuminant", "a"], "d50, d65 or e"),
+        (&["calibrate", "fit", "none.csv", "--out", "x", "--illuminant", "sun"], "D65, D50, E, A"),
         (&["calibrate", "fit", "none.csv", "--out", "x", "--g", "clear=2"], "-0.99 to 0.99"),
         (&["calibrate", "fit", "none.csv", "--out", "x"], "none.csv"),
         (&["calibrate", "chart", "--out", "x", "--inks", "gold"], "gold"),
