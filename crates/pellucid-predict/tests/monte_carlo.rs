@@ -144,6 +144,7 @@ fn settings_are_checked_and_recorded() {
             ("adjoint-paths", "2"),
             ("adjoint-pooled", "false"),
             ("roulette", "0.5"),
+            ("shared-bands", "4"),
             ("spp", "9"),
             ("tracking", "delta")
         ]
