@@ -71,6 +71,7 @@ pub mod packed;
 mod problem;
 mod refinement;
 mod report;
+mod residual;
 mod saved;
 mod settings;
 mod smoothing;

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::problem::MAX_LABELS;
+use crate::residual::{self, decode, encode};
 use crate::settings::check_ranges;
-use crate::surface_first::{decode, encode};
 use crate::{LayerMixtures, Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceSmoother};
 
 /// Moves the colour of each surface voxel, which the printer turns into one mixture from the surface through the
@@ -89,15 +89,7 @@ impl Strategy for SurfaceColor {
     }
 
     fn check_state(&self, setup: &Setup<'_>, state: &SurfaceColorState) -> Result<(), RefineError> {
-        let (found, voxels) = (state.residual.len(), setup.points.len());
-        if found != voxels {
-            let reason = format!("{found} residuals for {voxels} surface voxels");
-            return Err(RefineError::invalid("checkpoint", reason));
-        }
-        if state.residual.iter().flatten().any(|v| !v.is_finite()) {
-            return Err(RefineError::invalid("checkpoint", "a residual is not finite"));
-        }
-        Ok(())
+        residual::check(setup, &state.residual)
     }
 
     fn mixtures<'s>(
@@ -125,8 +117,6 @@ impl Strategy for SurfaceColor {
         Ok(())
     }
 
-    /// Forgets what the gamut refused, since a target out of reach must not wind the residual up, then adds the gain's
-    /// share of the shortfall.
     fn update(
         &self,
         setup: &Setup<'_>,
@@ -136,13 +126,7 @@ impl Strategy for SurfaceColor {
         _: &Control<'_>,
     ) -> Result<Moved, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
-        let seen = seen.smoothed.par_iter().zip(seen.overflow).zip(setup.problem.printable_target);
-        state.residual.par_iter_mut().zip(seen).for_each(|(residual, ((&smoothed, overflow), &target))| {
-            let (target, smoothed) = (encode(target), encode(smoothed));
-            for c in 0..3 {
-                residual[c] = (residual[c] - overflow[c]) + gain * (target[c] - smoothed[c]);
-            }
-        });
+        residual::advance(&mut state.residual, setup, seen, gain);
         state.step += 1;
         Ok(Moved::default())
     }

@@ -2,10 +2,10 @@
 
 use pellucid_core::{Cancelled, Control};
 use pellucid_halftone::Thresholds;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::problem::MAX_LABELS;
+use crate::residual::{self, decode, encode};
 use crate::settings::check_ranges;
 use crate::{InkModel, LayerMixtures, Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceSmoother};
 
@@ -84,17 +84,7 @@ impl Strategy for SurfaceFirst {
     }
 
     fn check_state(&self, setup: &Setup<'_>, state: &SurfaceFirstState) -> Result<(), RefineError> {
-        let (found, voxels) = (state.residual.len(), setup.points.len());
-        if found != voxels {
-            return Err(RefineError::invalid(
-                "checkpoint",
-                format!("{found} residuals for {voxels} surface voxels"),
-            ));
-        }
-        if state.residual.iter().flatten().any(|v| !v.is_finite()) {
-            return Err(RefineError::invalid("checkpoint", "a residual is not finite"));
-        }
-        Ok(())
+        residual::check(setup, &state.residual)
     }
 
     fn mixtures<'s>(
@@ -111,8 +101,6 @@ impl Strategy for SurfaceFirst {
         Ok(())
     }
 
-    /// Forgets what no layer could take, since a target out of reach must not wind the residual up or it would go on
-    /// pushing the colours that can still be reached; then adds the gain's share of the shortfall.
     fn update(
         &self,
         setup: &Setup<'_>,
@@ -122,14 +110,7 @@ impl Strategy for SurfaceFirst {
         _: &Control<'_>,
     ) -> Result<Moved, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
-        let seen = seen.smoothed.par_iter().zip(seen.overflow).zip(setup.problem.printable_target);
-        state.residual.par_iter_mut().zip(seen).for_each(|(residual, ((&smoothed, overflow), &target))| {
-            let (target, smoothed) = (encode(target), encode(smoothed));
-            for c in 0..3 {
-                let shortfall = target[c] - smoothed[c];
-                residual[c] = (residual[c] - overflow[c]) + gain * shortfall;
-            }
-        });
+        residual::advance(&mut state.residual, setup, seen, gain);
         state.step += 1;
         Ok(Moved::default())
     }
@@ -202,16 +183,6 @@ fn thin_out(ink: &dyn InkModel, fractions: &mut [f32]) -> Option<[f32; 3]> {
     inks.iter_mut().for_each(|f| *f *= keep);
     *white = 1.0 - covered * keep;
     Some(ink.color(fractions))
-}
-
-/// Residuals act on cube roots of linear RGB: about equal steps for the eye.
-pub(crate) fn encode(rgb: [f32; 3]) -> [f32; 3] {
-    rgb.map(|v| v.max(0.0).cbrt())
-}
-
-/// Back from [`encode`].
-pub(crate) fn decode(rgb: [f32; 3]) -> [f32; 3] {
-    rgb.map(|v| v.max(0.0).powi(3))
 }
 
 #[cfg(test)]

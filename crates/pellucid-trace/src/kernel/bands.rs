@@ -2,7 +2,7 @@
 
 use super::bits;
 use super::lanes::Lanes;
-use super::work::{Job, Work};
+use super::work::{Cursor, Job, Work};
 use super::{Batch, Constants, Trail, Vector};
 use crate::coefficients::SharedBands;
 
@@ -78,8 +78,7 @@ pub(crate) struct Block {
 pub(super) struct Shared<'a> {
     batch: &'a Batch<'a>,
     bands: &'a SharedBands,
-    start: usize,
-    sample: u32,
+    cursor: Cursor,
     blocks: &'a mut [Block],
 }
 
@@ -87,7 +86,7 @@ impl<'a> Shared<'a> {
     /// `blocks` is `[start][sample]`.
     pub(super) fn new(batch: &'a Batch<'a>, bands: &'a SharedBands, blocks: &'a mut [Block]) -> Self {
         assert!(blocks.len() == batch.starts.len() * batch.samples.len());
-        Self { batch, bands, start: 0, sample: batch.samples.start, blocks }
+        Self { batch, bands, cursor: Cursor::new(batch), blocks }
     }
 
     /// Adds the ends of some lanes' paths, by the balance heuristic over the bands (Veach and Guibas 1995; Wilkie et al.
@@ -139,27 +138,14 @@ impl Work for Shared<'_> {
 
     #[inline(always)]
     fn left(&self) -> bool {
-        self.start < self.batch.starts.len() && !self.batch.samples.is_empty()
+        self.cursor.left(self.batch)
     }
 
     #[inline(always)]
     fn next(&mut self) -> Option<Job<'_>> {
-        if !self.left() {
-            return None;
-        }
-        let (start, sample) = (self.start, self.sample);
-        let owner = start * self.batch.samples.len() + (sample - self.batch.samples.start) as usize;
-        self.sample += 1;
-        if self.sample >= self.batch.samples.end {
-            self.sample = self.batch.samples.start;
-            self.start += 1;
-        }
-        Some(Job {
-            owner: owner as u32,
-            start: &self.batch.starts[start],
-            key: self.batch.keys[start],
-            sample,
-        })
+        let samples = &self.batch.samples;
+        let owner = |start: usize, sample: u32| start * samples.len() + (sample - samples.start) as usize;
+        self.cursor.next(self.batch, |start, sample| owner(start, sample) as u32)
     }
 
     /// Never called: what leaves has several weights.

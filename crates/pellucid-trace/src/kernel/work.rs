@@ -58,18 +58,53 @@ pub(crate) struct Batch<'a> {
     pub(crate) samples: Range<u32>,
 }
 
+/// Where the walk of a batch is.
+pub(super) struct Cursor {
+    start: usize,
+    sample: u32,
+}
+
+impl Cursor {
+    pub(super) fn new(batch: &Batch<'_>) -> Self {
+        Self { start: 0, sample: batch.samples.start }
+    }
+
+    #[inline(always)]
+    pub(super) fn left(&self, batch: &Batch<'_>) -> bool {
+        self.start < batch.starts.len() && !batch.samples.is_empty()
+    }
+
+    /// The next path, start by start; whose owner follows from its start and sample.
+    #[inline(always)]
+    pub(super) fn next<'b>(
+        &mut self,
+        batch: &'b Batch<'_>,
+        owner: impl FnOnce(usize, u32) -> u32,
+    ) -> Option<Job<'b>> {
+        if !self.left(batch) {
+            return None;
+        }
+        let (start, sample) = (self.start, self.sample);
+        self.sample += 1;
+        if self.sample >= batch.samples.end {
+            self.sample = batch.samples.start;
+            self.start += 1;
+        }
+        Some(Job { owner: owner(start, sample), start: &batch.starts[start], key: batch.keys[start], sample })
+    }
+}
+
 /// A batch whose ends are added up by start.
 pub(super) struct Tallies<'a> {
     batch: &'a Batch<'a>,
-    start: usize,
-    sample: u32,
+    cursor: Cursor,
     tallies: &'a mut [Tally],
 }
 
 impl<'a> Tallies<'a> {
     pub(super) fn new(batch: &'a Batch<'a>, tallies: &'a mut [Tally]) -> Self {
         assert!(tallies.len() == batch.starts.len() && batch.keys.len() == batch.starts.len());
-        Self { batch, start: 0, sample: batch.samples.start, tallies }
+        Self { batch, cursor: Cursor::new(batch), tallies }
     }
 }
 
@@ -81,26 +116,12 @@ impl Work for Tallies<'_> {
 
     #[inline(always)]
     fn left(&self) -> bool {
-        self.start < self.batch.starts.len() && !self.batch.samples.is_empty()
+        self.cursor.left(self.batch)
     }
 
     #[inline(always)]
     fn next(&mut self) -> Option<Job<'_>> {
-        if !self.left() {
-            return None;
-        }
-        let (start, sample) = (self.start, self.sample);
-        self.sample += 1;
-        if self.sample >= self.batch.samples.end {
-            self.sample = self.batch.samples.start;
-            self.start += 1;
-        }
-        Some(Job {
-            owner: start as u32,
-            start: &self.batch.starts[start],
-            key: self.batch.keys[start],
-            sample,
-        })
+        self.cursor.next(self.batch, |start, _| start as u32)
     }
 
     #[inline(always)]
