@@ -2,11 +2,15 @@
 //! of its own, a volume from an array, 31 channels, and the slices of a foreign tool.
 
 mod own;
+#[path = "../../crates/pellucid/examples/own_predictor.rs"]
+#[allow(dead_code, reason = "an example has a main of its own")]
+mod own_predictor;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use ndarray::Array3;
+use own_predictor::MeanAlbedo;
 use pellucid::color::{MixtureModel, spectrum::Illuminant};
 use pellucid::core::Control;
 use pellucid::mesh::Scale;
@@ -44,8 +48,8 @@ fn the_whole_job() -> Outcome {
 fn a_predictor_of_ones_own() -> Outcome {
     let job = PrintJob::new(small())?;
     let (workspace, monitor) = (Workspace::none(), Monitor::silent());
-    let prepared = job.prepare_with(&own::Bleed::new(0.3), &patched_ball(), &workspace, &monitor)?;
-    assert_eq!(prepared.record.predictor.name, "bleed");
+    let prepared = job.prepare_with(&MeanAlbedo { reach: 1 }, &patched_ball(), &workspace, &monitor)?;
+    assert_eq!(prepared.record.predictor.name, "mean albedo");
     let iterations = &prepared.refined.report.iterations;
     assert!(iterations[2].smoothed.mean < iterations[0].smoothed.mean);
     Ok(())

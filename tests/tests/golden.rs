@@ -1,7 +1,8 @@
 //! The labels of one small job, pinned: a change that is meant to keep them shows at once when it does not.
 //!
-//! Blessed anew twice: when layers without voxels ceased to take a share of the demand, which concerns one layer in a
-//! thousand at this pitch, and when the surface's smoothing became as wide along y, the coarse axis, as along the others.
+//! Those of surface-first were blessed anew twice: when layers without voxels ceased to take a share of the demand, which concerns one layer in a
+//! thousand at this pitch, and when the surface's smoothing became as wide along y, the coarse axis, as along the others. Those of descent
+//! last when it came to ask all points of a small surface for the curvature.
 
 use pellucid::mesh::Scale;
 use pellucid::refine::Effort;

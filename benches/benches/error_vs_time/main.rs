@@ -14,6 +14,7 @@ use clap::Parser;
 use pellucid::core::files::write_whole_bytes;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
+use pellucid_benches::study::stopwatch::on_one_thread;
 use pellucid_benches::study::{Record, Study, StudySettings};
 use predictors::Row;
 use serde::Serialize;
@@ -35,8 +36,7 @@ struct Args {
 
 fn main() -> Result<(), Error> {
     let args = Args::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| study(&args))
+    on_one_thread(|| study(&args))
 }
 
 fn study(args: &Args) -> Result<(), Error> {

@@ -25,6 +25,7 @@ use pellucid::core::files::write_whole_bytes;
 use pellucid::dataset::Recipe;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
+use pellucid_benches::study::stopwatch::on_one_thread;
 use pellucid_benches::study::{Record, Study, StudySettings};
 use pictures::Look;
 use plan::Plan;
@@ -52,8 +53,7 @@ enum Stage {
 
 fn main() -> Result<(), Error> {
     let args = Args::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| study(&args))
+    on_one_thread(|| study(&args))
 }
 
 fn study(args: &Args) -> Result<(), Error> {

@@ -12,6 +12,7 @@ mod tables;
 use clap::Parser;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
+use pellucid_benches::study::stopwatch::on_one_thread;
 use pellucid_benches::study::{Axis, Panel, Plot, Record, Series, Study, StudySettings, Table};
 use scene::Scene;
 
@@ -43,8 +44,7 @@ pub struct Saving {
 
 fn main() -> Result<(), Error> {
     let args = Args::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| study(&args))
+    on_one_thread(|| study(&args))
 }
 
 fn study(args: &Args) -> Result<(), Error> {

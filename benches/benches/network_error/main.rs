@@ -17,6 +17,7 @@ use pellucid::color::spectrum::Illuminant;
 use pellucid::dataset::{LabelledSet, Recipe, SetHeader, Shard, generate};
 use pellucid::rpnn::{Inference, Precision, TrainedNetwork};
 use pellucid::voxel::{Control, MaterialTable};
+use pellucid_benches::study::stopwatch::on_one_thread;
 use pellucid_benches::study::{Record, Study, StudySettings};
 use scores::Row;
 
@@ -85,8 +86,7 @@ impl Candidate {
 
 fn main() -> Result<(), Error> {
     let args = Args::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| study(&args))
+    on_one_thread(|| study(&args))
 }
 
 fn study(args: &Args) -> Result<(), Error> {

@@ -15,7 +15,7 @@ use pellucid::rpnn::{Precision, TrainedNetwork};
 use pellucid::trace::{AssistOptions, Boundary, TraceOptions, Tracer, Volume};
 use pellucid::voxel::Control;
 use pellucid_benches::judged::Judged;
-use pellucid_benches::study::stopwatch::time;
+use pellucid_benches::study::stopwatch::{on_one_thread, time};
 use pellucid_benches::study::{Record, Study, StudySettings};
 
 type Error = Box<dyn std::error::Error + Send + Sync>;
@@ -56,8 +56,7 @@ pub struct Row {
 
 fn main() -> Result<(), Error> {
     let args = Args::parse();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    pool.install(|| study(&args))
+    on_one_thread(|| study(&args))
 }
 
 fn study(args: &Args) -> Result<(), Error> {

@@ -8,8 +8,10 @@
 //! | [`record`] | what a result was measured with: commit, machine, instruction set, threads, settings |
 //! | [`table`] | rows as Markdown and CSV |
 //! | [`plot`] | curves as SVG |
-//! | [`stopwatch`] | processor time |
+//! | [`stopwatch`] | processor time, and work on one thread |
+//! | [`kept`] | what an earlier run measured |
 
+pub mod kept;
 pub mod plot;
 pub mod record;
 pub mod settings;
@@ -20,6 +22,7 @@ use std::path::{Path, PathBuf};
 
 use pellucid_core::{FileError, files};
 
+pub use kept::Kept;
 pub use plot::{Axis, Panel, Plot, Series};
 pub use record::Record;
 pub use settings::StudySettings;

@@ -32,3 +32,12 @@ pub fn time<T, E>(mut work: impl FnMut() -> Result<T, E>) -> Result<(T, f64), E>
         }
     }
 }
+
+/// Does work on one thread, as times of one are taken.
+pub fn on_one_thread<T, E>(work: impl FnOnce() -> Result<T, E> + Send) -> Result<T, E>
+where
+    T: Send,
+    E: From<rayon::ThreadPoolBuildError> + Send,
+{
+    rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work)
+}

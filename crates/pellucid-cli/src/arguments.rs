@@ -6,13 +6,44 @@ use pellucid::color::space::srgb_decode;
 use pellucid::color::spectrum::Illuminant;
 use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{LengthUnit, UpAxis};
-use pellucid::slice::{Container, PrintTarget};
+use pellucid::slice::{Container, ExportSettings, PrintTarget};
 use pellucid::voxel::MaterialTable;
 
 use crate::Failure;
 
 /// Heights and widths in mm that anybody prints.
 const SIZE_MM: std::ops::RangeInclusive<f64> = 0.05..=10_000.0;
+
+/// What commands that write slices of their own take.
+#[derive(clap::Args)]
+pub struct Slices {
+    /// Printer: j750, j750-high-quality-vivid and so on, or the file of a profile
+    #[arg(long, value_name = "NAME|FILE", default_value = "j750")]
+    printer: String,
+    /// What the slices are written as: png (a folder of them), gcvf, nrrd or npy
+    #[arg(long, value_name = "FORMAT", value_parser = format, default_value = "png")]
+    format: Container,
+    /// Replace an output folder of an earlier run
+    #[arg(long)]
+    force: bool,
+}
+
+impl Slices {
+    /// The printer's profile.
+    pub fn printer(&self) -> Result<PrintTarget, Failure> {
+        printer(&self.printer)
+    }
+
+    /// How slices are written.
+    pub fn export(&self) -> ExportSettings {
+        ExportSettings {
+            force: self.force,
+            format: self.format,
+            generator: concat!("pellucid ", env!("CARGO_PKG_VERSION")).into(),
+            ..ExportSettings::default()
+        }
+    }
+}
 
 /// A height or width in mm.
 pub fn size_mm(text: &str) -> Result<f64, String> {

@@ -78,7 +78,7 @@ impl BoundPredictor for Bound {
     }
 }
 
-/// Refines a model by it; mean differences over 0.1 mm before and after, as paths judge them.
+/// Refines a model by it; mean differences of single voxels before and after, as paths judge them.
 pub fn refine(
     model: &Path,
     height_mm: f64,

@@ -1,80 +1,8 @@
-//! A predictor and an ink model of a tool's own, and a foreign tool's slices.
+//! An ink model of a tool's own, and a foreign tool's slices.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use pellucid::core::{Control, InstructionSet};
-use pellucid::predict::{
-    BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Identity, Object, PredictError, Predictor,
-};
 use pellucid::refine::InkModel;
-use pellucid::voxel::LabelGrid;
-
-/// Sees the albedo of a voxel, and of the next one along x by a share.
-pub struct Bleed {
-    share: f32,
-}
-
-impl Bleed {
-    pub fn new(share: f32) -> Self {
-        Self { share }
-    }
-}
-
-impl Predictor for Bleed {
-    fn identity(&self) -> Identity {
-        Identity::new("bleed", InstructionSet::Portable, true).with("share", self.share)
-    }
-
-    fn supports(&self, _: &Object) -> Result<Capabilities, PredictError> {
-        Ok(Capabilities::new(false))
-    }
-
-    fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
-        Ok(Box::new(BoundBleed { share: self.share, object, labels: None }))
-    }
-}
-
-struct BoundBleed {
-    share: f32,
-    object: Arc<Object>,
-    labels: Option<LabelGrid>,
-}
-
-impl BoundPredictor for BoundBleed {
-    fn update(&mut self, labels: &LabelGrid, _: Changed<'_>, _: &Control<'_>) -> Result<(), PredictError> {
-        self.object.check_labels(labels)?;
-        self.labels = Some(labels.clone());
-        Ok(())
-    }
-
-    fn predict(
-        &self,
-        points: &[u32],
-        _: Draw,
-        out: &mut [f32],
-        control: &Control<'_>,
-    ) -> Result<Diagnostics, PredictError> {
-        control.check()?;
-        self.object.check_points(points, out.len())?;
-        let labels =
-            self.labels.as_ref().ok_or_else(|| PredictError::invalid("labels", "none were given"))?;
-        let materials = self.object.materials();
-        for (values, &point) in out.chunks_exact_mut(materials.channels()).zip(points) {
-            let [x, y, z] = self.object.surface().voxels()[point as usize];
-            let own = labels.get([x, y, z]);
-            let next = match labels.get([x.saturating_sub(1), y, z]) {
-                0 => own,
-                label => label,
-            };
-            for (channel, value) in values.iter_mut().enumerate() {
-                let albedo = |label| 0.8 * materials.albedo(label, channel);
-                *value = (1.0 - self.share) * albedo(own) + self.share * albedo(next);
-            }
-        }
-        Ok(Diagnostics::default())
-    }
-}
 
 /// Greys only.
 pub struct BlackAndWhite {

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use pellucid_core::FileError;
 #[cfg(feature = "html")]
 use pellucid_core::files::read_text_bounded;
 use pellucid_core::files::write_whole_bytes;
 use pellucid_core::staging::{OwnFiles, StagedDir};
+use pellucid_core::{Control, FileError};
 use pellucid_slice::{ExportSettings, Recorded, write_stack};
+use serde::Serialize;
 
 use crate::job::{Aimed, Judged, ProofFiles, Refined};
 use crate::report::Resins;
@@ -72,8 +73,8 @@ impl Prepared {
         }
     }
 
-    /// Writes `slices/` (or the file of another format), `manifest.json`, `report.json`, `proof.png`, `proof.exr` and `error.png` into the folder `dir`,
-    /// which appears complete or not at all, and returns the report.
+    /// Writes `slices/` (or the file of another format), `manifest.json`, `report.json`, `proof.png`, `proof.exr` and
+    /// `error.png` into the folder `dir`, which appears complete or not at all, and returns the report.
     ///
     /// # Errors
     /// [`PrintError::Staging`] when `dir` exists and `force` does not allow its replacement or it holds other files,
@@ -106,12 +107,14 @@ impl Prepared {
         monitor.run(Stage::Slices, |c| {
             write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
         })?;
-        self.write_proof(staged.path(), monitor)?;
-        #[cfg(feature = "glb")]
-        if files.glb {
-            monitor.run(Stage::Proof, |c| super::model::write_model(self, staged.path(), c))?;
-        }
-        let page = Page::pack(self, files, monitor)?;
+        let page = monitor.run(Stage::Proof, |c| {
+            self.write_pictures(staged.path(), c)?;
+            #[cfg(feature = "glb")]
+            if files.glb {
+                super::model::write_model(self, staged.path(), c)?;
+            }
+            Page::pack(self, files, c)
+        })?;
         let report = self.report(monitor);
         write_report(&report, staged.path())?;
         page.write(staged.path(), &report.record.model.name)?;
@@ -119,22 +122,28 @@ impl Prepared {
         Ok(report)
     }
 
-    pub(super) fn write_proof(&self, folder: &Path, monitor: &Monitor<'_>) -> Result<(), PrintError> {
-        monitor.run(Stage::Proof, |c| {
-            self.judged.proof.write_png(folder.join("proof.png"), c)?;
-            self.judged.proof.write_exr(folder.join("proof.exr"), c)?;
-            self.judged.proof.write_error_png(folder.join("error.png"), c)
-        })?;
-        Ok(())
+    pub(super) fn write_pictures(&self, folder: &Path, control: &Control<'_>) -> Result<(), PrintError> {
+        let proof = &self.judged.proof;
+        proof.write_png(folder.join("proof.png"), control)?;
+        proof.write_exr(folder.join("proof.exr"), control)?;
+        Ok(proof.write_error_png(folder.join("error.png"), control)?)
     }
 }
 
-pub(super) fn write_report(report: &Report, folder: &Path) -> Result<(), PrintError> {
+/// Writes a report, as JSON for people and programs.
+pub(super) fn write_report(report: &impl Serialize, folder: &Path) -> Result<(), PrintError> {
     let path = folder.join(REPORT_FILE);
     let mut text = serde_json::to_vec_pretty(report)
         .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
     text.push(b'\n');
     Ok(write_whole_bytes(&path, &text)?)
+}
+
+/// Figures as a file of the folder has them, to the last digit.
+#[cfg(feature = "html")]
+pub(super) fn read_back(folder: &Path, name: &str) -> Result<serde_json::Value, PrintError> {
+    let text = read_text_bounded(folder.join(name), u64::MAX)?;
+    serde_json::from_str(&text).map_err(|e| PrintError::invalid(name, pellucid_core::json::plain(&e)))
 }
 
 /// The proof page, where one is wanted and this build has it.
@@ -146,25 +155,22 @@ struct Page {
 #[cfg(feature = "html")]
 impl Page {
     /// Packs what is to be seen; the report's figures come once it is finished.
-    fn pack(prepared: &Prepared, files: ProofFiles, monitor: &Monitor<'_>) -> Result<Self, PrintError> {
-        let page = || monitor.run(Stage::Proof, |c| super::page::page_of(prepared, c));
+    fn pack(prepared: &Prepared, files: ProofFiles, control: &Control<'_>) -> Result<Self, PrintError> {
+        let page = || super::page::page_of(prepared, control);
         Ok(Self { page: files.html.then(page).transpose()? })
     }
 
     /// Writes it with the figures of the files in the folder, to the last digit.
     fn write(&self, dir: &Path, title: &str) -> Result<(), PrintError> {
         let Some(page) = &self.page else { return Ok(()) };
-        let read = |name: &str| {
-            let text = read_text_bounded(dir.join(name), u64::MAX)?;
-            serde_json::from_str(&text).map_err(|e| PrintError::invalid(name, pellucid_core::json::plain(&e)))
-        };
-        Ok(page.write(dir.join("proof.html"), title, &read(REPORT_FILE)?, &read("manifest.json")?)?)
+        let [report, manifest] = [read_back(dir, REPORT_FILE)?, read_back(dir, "manifest.json")?];
+        Ok(page.write(dir.join("proof.html"), title, &report, &manifest)?)
     }
 }
 
 #[cfg(not(feature = "html"))]
 impl Page {
-    fn pack(_: &Prepared, _: ProofFiles, _: &Monitor<'_>) -> Result<Self, PrintError> {
+    fn pack(_: &Prepared, _: ProofFiles, _: &Control<'_>) -> Result<Self, PrintError> {
         Ok(Self {})
     }
 

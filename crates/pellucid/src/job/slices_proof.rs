@@ -4,9 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pellucid_color::Viewing;
-use pellucid_core::files::write_whole_bytes;
+use pellucid_core::Control;
 use pellucid_core::staging::{self, OwnFiles, StagedDir};
-use pellucid_core::{Control, FileError};
 use pellucid_predict::{BoundPredictor, Changed, Draw, Object, Pass, Predictor, without_noise};
 use pellucid_proof::{Proof, View};
 use pellucid_slice::Manifest;
@@ -15,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::job::ProofFiles;
 use crate::job::placed::THICK_MM;
+use crate::job::prepared::{REPORT_FILE, write_report};
 use crate::picture_error::PictureError;
 use crate::report::{Resins, StageTime, Thinness};
 use crate::stage::Stage;
@@ -72,7 +72,7 @@ pub struct SlicesReport {
 
 /// What a proof from slices consists of; only a folder of these is ever replaced.
 fn own_files() -> OwnFiles {
-    OwnFiles::new(["report.json", "proof.png", "proof.exr", "proof.html", "proof.glb"])
+    OwnFiles::new([REPORT_FILE, "proof.png", "proof.exr", "proof.html", "proof.glb"])
 }
 
 impl PrintJob {
@@ -243,15 +243,11 @@ impl SlicesProof {
             false => None,
         };
         let report = self.report(monitor);
-        let path = staged.path().join("report.json");
-        let mut text = serde_json::to_vec_pretty(&report)
-            .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
-        text.push(b'\n');
-        write_whole_bytes(&path, &text)?;
+        write_report(&report, staged.path())?;
         #[cfg(feature = "html")]
         if let Some(page) = page {
             let json = |e: serde_json::Error| PrintError::invalid("report", pellucid_core::json::plain(&e));
-            let figures = serde_json::from_slice(&text).map_err(json)?;
+            let figures = super::prepared::read_back(staged.path(), REPORT_FILE)?;
             let manifest = serde_json::to_value(&self.manifest).map_err(json)?;
             page.write(staged.path().join("proof.html"), &self.name, &figures, &manifest)?;
         }

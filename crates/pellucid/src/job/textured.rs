@@ -126,7 +126,7 @@ impl Prepared {
         let staged = StagedDir::begin(dir, force, &own_texture_files())?;
         let baked = self.bake(model, monitor)?;
         export::write(&baked, format, staged.path(), STEM)?;
-        self.write_proof(staged.path(), monitor)?;
+        monitor.run(Stage::Proof, |c| self.write_pictures(staged.path(), c))?;
         let mean = |errors: &pellucid_refine::StateErrors| errors.at_0_1_mm.printable.mean;
         let (before, after) =
             (mean(&self.judged.evaluation.unrefined), mean(&self.judged.evaluation.refined));
