@@ -3,6 +3,7 @@
 //! `cargo bench -p pellucid-benches --bench spectral`: small, in minutes; `-- --full` for the published figures.
 
 mod compensation;
+mod metamers;
 mod prediction;
 mod report;
 
@@ -24,7 +25,7 @@ struct Args {
     /// Further models with their heights in mm, for the cost of prediction
     #[arg(long, value_name = "FILE=MM")]
     also: Vec<String>,
-    /// Only these parts: cost, bands, lights
+    /// Only these parts: metamers, cost, bands, lights
     #[arg(long, value_name = "PART", value_delimiter = ',')]
     only: Vec<String>,
     /// Height in mm of the models that are refined; 8 in the full study, 3 in the small one
@@ -66,6 +67,9 @@ fn main() -> Result<(), Error> {
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models");
     let wanted = |part: &str| args.only.is_empty() || args.only.iter().any(|only| only == part);
     let mut found = report::Found::default();
+    if wanted("metamers") {
+        found.rings = metamers::rings()?;
+    }
     if wanted("cost") {
         let own = subject(&models.join("vase-handle.glb"), if full { 12.0 } else { 4.0 })?;
         let mut subjects = vec![own];

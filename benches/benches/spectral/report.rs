@@ -4,11 +4,13 @@ use pellucid_benches::study::{Axis, Panel, Plot, Series, Table};
 
 use super::LIGHTS;
 use super::compensation::Run;
+use super::metamers::Ring;
 use super::prediction::{Bands, Cost};
 
 /// All that was measured.
 #[derive(Default)]
 pub struct Found {
+    pub rings: Vec<Ring>,
     pub costs: Vec<Cost>,
     pub bands: Vec<Bands>,
     pub lights: Vec<Run>,
@@ -17,8 +19,15 @@ pub struct Found {
 impl Found {
     pub fn markdown(&self) -> String {
         let mut text = String::new();
+        if !self.rings.is_empty() {
+            text += "## What mixtures allow\n\nThick blocks of homogeneous mixtures that give a colour under D65 within 0.5 \
+                     CIEDE2000, with as little black as can be, as the separation chooses by default, and with as much \
+                     as can be: share of black, and inconstancy from D65 to A. Means over colours of one chroma, of \
+                     lightness 20 to 90. The last column is the bound for whatever chooses among equal mixtures.\n\n";
+            text += &self.ring_table().markdown();
+        }
         if !self.costs.is_empty() {
-            text += "## Cost\n\nProcessor time a point, all channels together, on the unrefined halftone; root mean square error (mean over \
+            text += "\n## Cost\n\nProcessor time a point, all channels together, on the unrefined halftone; root mean square error (mean over \
                      channels) and mean dE2000 under each light against 512 paths of every band, whose noise is taken out of the \
                      first only.\n\n";
             text += &self.cost_table().markdown();
@@ -42,6 +51,27 @@ impl Found {
             }
         }
         text
+    }
+
+    fn ring_table(&self) -> Table {
+        let mut table = Table::new(&[
+            ">chroma",
+            ">colours",
+            ">black, least",
+            ">default",
+            ">most",
+            ">inconstancy, least black",
+            ">default",
+            ">most black",
+            ">least of all",
+        ]);
+        for ring in &self.rings {
+            let mut cells = vec![format!("{:.0}", ring.chroma), ring.colours.to_string()];
+            cells.extend(ring.black.iter().chain(&ring.inconstancy).map(|v| format!("{v:.2}")));
+            cells.push(format!("{:.2}", ring.least));
+            table.row(cells);
+        }
+        table
     }
 
     fn cost_table(&self) -> Table {
