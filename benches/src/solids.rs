@@ -66,3 +66,9 @@ pub fn ball(diameter: f64, skin: f64) -> LabelGrid {
     let r = diameter / 2.0;
     solid([r; 3], skin, |p| r - p.iter().map(|c| c * c).sum::<f64>().sqrt())
 }
+
+/// A square sheet of 12 mm with a halftoned skin of `skin` mm.
+pub fn sheet(thickness: f64, skin: f64) -> LabelGrid {
+    let half = [6.0, 6.0, thickness / 2.0];
+    solid(half, skin, |p| (0..3).map(|a| half[a] - p[a].abs()).fold(f64::INFINITY, f64::min))
+}

@@ -7,7 +7,7 @@ use pellucid::voxel::{Control, LabelGrid, Surface, SurfaceOptions};
 use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
 use pellucid_benches::appearance::Error;
 use pellucid_benches::judged::Judged;
-use pellucid_benches::solids::{ball, solid};
+use pellucid_benches::solids::{ball, sheet};
 
 /// Neighbouring points on which times are taken, and those of them that are judged.
 pub const POINTS: [usize; 2] = [40_000, 800];
@@ -71,18 +71,12 @@ impl Subject {
         let labels = match self.what {
             What::Ball(mm) => ball(mm, SKIN_MM),
             What::White(mm) => ball(mm, 0.0),
-            What::Sheet(mm) => sheet(mm),
+            What::Sheet(mm) => sheet(mm, SKIN_MM),
             What::Refined(model, mm) => refined(model, mm)?,
         };
         let surface = Surface::extract(&labels, &SurfaceOptions::default(), control)?;
         Judged::traced(&self.name, labels, surface, POINTS, control)
     }
-}
-
-/// A square sheet of 12 mm.
-fn sheet(thickness_mm: f64) -> LabelGrid {
-    let half = [6.0, 6.0, thickness_mm / 2.0];
-    solid(half, SKIN_MM, |p| (0..3).map(|a| half[a] - p[a].abs()).fold(f64::INFINITY, f64::min))
 }
 
 /// The file of a model.
