@@ -4,6 +4,7 @@
 
 mod compensation;
 mod metamers;
+mod patches;
 mod prediction;
 mod report;
 
@@ -11,8 +12,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use pellucid::color::spectrum::Illuminant;
+use pellucid::core::files::write_whole_bytes;
+use pellucid::job::Aimed;
 use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
-use pellucid::voxel::MaterialTable;
+use pellucid::voxel::{LabelGrid, MaterialTable};
+use pellucid::{Monitor, PrintJob, PrintSettings, StrategyKind, Workspace};
 use pellucid_benches::study::{Record, Study, StudySettings};
 
 type Error = Box<dyn std::error::Error + Send + Sync>;
@@ -25,7 +29,7 @@ struct Args {
     /// Further models with their heights in mm, for the cost of prediction
     #[arg(long, value_name = "FILE=MM")]
     also: Vec<String>,
-    /// Only these parts: metamers, cost, bands, lights
+    /// Only these parts: metamers, cost, bands, patches, lights
     #[arg(long, value_name = "PART", value_delimiter = ',')]
     only: Vec<String>,
     /// Height in mm of the models that are refined; 8 in the full study, 3 in the small one
@@ -58,6 +62,23 @@ fn table(name: &str) -> Result<MaterialTable, Error> {
     Ok(MaterialTable::load(folder.join(name))?)
 }
 
+/// The unrefined halftone of a model.
+fn halftone(subject: &Subject, materials: MaterialTable) -> Result<(LabelGrid, Aimed), Error> {
+    let mut settings = PrintSettings {
+        scale: subject.scale,
+        materials,
+        strategy: StrategyKind::SurfaceFirst,
+        spp: Some(1),
+        ..PrintSettings::default()
+    };
+    settings.refine.iterations = Some(0);
+    let job = PrintJob::new(settings)?;
+    let monitor = Monitor::silent();
+    let aimed = job.aim(job.place(&subject.model, &monitor)?, &monitor)?;
+    let refined = job.refine(&aimed, &Workspace::none(), &monitor)?;
+    Ok((refined.labels, aimed))
+}
+
 fn main() -> Result<(), Error> {
     let args = Args::parse();
     let full = args.study.full;
@@ -83,6 +104,12 @@ fn main() -> Result<(), Error> {
     }
     if wanted("bands") {
         found.bands = prediction::held_out(if full { 32 } else { 6 })?;
+    }
+    if wanted("patches") {
+        let mm = if full { 12.0 } else { 6.0 };
+        found.patches = patches::patches(&subject(&models.join("vase-handle.glb"), mm)?)?;
+        let svg = report::spectra(&found.patches).svg();
+        write_whole_bytes(study.folder().join("patches.svg"), svg.as_bytes())?;
     }
     if wanted("lights") {
         let mm = args.height_mm.unwrap_or(if full { 8.0 } else { 3.0 });

@@ -8,12 +8,11 @@ use pellucid::core::NoisyScore;
 use pellucid::dataset::{Recipe, Sampler};
 use pellucid::predict::{Changed, Draw, MonteCarlo, Network, Object, Pass, Predictor};
 use pellucid::trace::{Boundary, TraceOptions, Tracer, Volume};
-use pellucid::voxel::{Control, LabelGrid, MaterialTable, Surface, SurfaceOptions, near_order};
-use pellucid::{Monitor, PrintJob, PrintSettings, StrategyKind, Workspace};
+use pellucid::voxel::{Control, LabelGrid, Surface, SurfaceOptions, near_order};
 use pellucid_benches::appearance::mean_delta_e;
 use pellucid_benches::study::stopwatch;
 
-use super::{Error, LIGHTS, Subject, table};
+use super::{Error, LIGHTS, Subject, halftone, table};
 
 const INDEX: f64 = 1.5;
 /// Paths a point and band that are timed and judged.
@@ -95,13 +94,14 @@ pub fn costs(subject: &Subject, full: bool) -> Result<Vec<Cost>, Error> {
     let mut rgb_time = f64::NAN;
     for file in ["cmykw.json", "cmykw-spectral.json"] {
         let materials = table(file)?;
-        let (labels, object) = halftone(subject, materials)?;
+        let (labels, aimed) = halftone(subject, materials)?;
+        let object = &aimed.object;
         let channels = object.channels();
         let order = near_order(object.surface().voxels());
         let wanted = if full { 2000 } else { 300 };
         let judged: Vec<u32> = order.iter().copied().step_by((order.len() / wanted).max(1)).collect();
-        let truth = reference(&labels, &object, &judged)?;
-        let viewings = viewings(&object, channels)?;
+        let truth = reference(&labels, object, &judged)?;
+        let viewings = viewings(object, channels)?;
         for (name, predictor) in candidates()? {
             if channels == 3 && name.contains("share") {
                 continue;
@@ -136,26 +136,10 @@ pub fn costs(subject: &Subject, full: bool) -> Result<Vec<Cost>, Error> {
 }
 
 /// How an object is looked at: R, G, B once, bands under every light.
-fn viewings(object: &Object, channels: usize) -> Result<Vec<Viewing>, Error> {
+pub fn viewings(object: &Object, channels: usize) -> Result<Vec<Viewing>, Error> {
     let lights = &LIGHTS[..if channels == 3 { 1 } else { LIGHTS.len() }];
     let each = lights.iter().map(|&light| Viewing::of_print(object.materials(), "white", INDEX, light));
     Ok(each.collect::<Result<_, _>>()?)
-}
-
-fn halftone(subject: &Subject, materials: MaterialTable) -> Result<(LabelGrid, Arc<Object>), Error> {
-    let mut settings = PrintSettings {
-        scale: subject.scale,
-        materials,
-        strategy: StrategyKind::SurfaceFirst,
-        spp: Some(1),
-        ..PrintSettings::default()
-    };
-    settings.refine.iterations = Some(0);
-    let job = PrintJob::new(settings)?;
-    let monitor = Monitor::silent();
-    let aimed = job.aim(job.place(&subject.model, &monitor)?, &monitor)?;
-    let refined = job.refine(&aimed, &Workspace::none(), &monitor)?;
-    Ok((refined.labels, aimed.object))
 }
 
 /// Errors by channel on volumes of the test set, which no network was trained on.

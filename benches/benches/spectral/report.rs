@@ -5,6 +5,7 @@ use pellucid_benches::study::{Axis, Panel, Plot, Series, Table};
 use super::LIGHTS;
 use super::compensation::Run;
 use super::metamers::Ring;
+use super::patches::Patch;
 use super::prediction::{Bands, Cost};
 
 /// All that was measured.
@@ -13,6 +14,7 @@ pub struct Found {
     pub rings: Vec<Ring>,
     pub costs: Vec<Cost>,
     pub bands: Vec<Bands>,
+    pub patches: Vec<Patch>,
     pub lights: Vec<Run>,
 }
 
@@ -36,6 +38,12 @@ impl Found {
             text += "\n## Held-out volumes\n\nRoot mean square error against 512 paths, their noise taken out, on volumes of the \
                      test set: mean over channels, and by band (the plot).\n\n";
             text += &self.band_table().markdown();
+        }
+        if !self.patches.is_empty() {
+            text += "\n## Patches\n\nMean spectra over 0.3 mm about six surface voxels of the unrefined jug, by the network and by \
+                     512 paths: root mean square difference over bands, and dE2000 under each light.\n\n";
+            text += &self.patch_table().markdown();
+            text += "\n![Spectra of patches](patches.svg)\n";
         }
         if !self.lights.is_empty() {
             text += "\n## Refining for several lights\n\nMean dE2000 over 0.1 mm of surface: to what the print should look like \
@@ -117,6 +125,18 @@ impl Found {
         table
     }
 
+    fn patch_table(&self) -> Table {
+        let mut table = Table::new(&["patch", ">points", ">RMSE", ">dE D65", ">A", ">LED", ">F11"]);
+        for patch in &self.patches {
+            let squares = patch.paths.iter().zip(&patch.network).map(|(a, b)| (a - b) * (a - b));
+            let rmse = (squares.sum::<f64>() / patch.paths.len().max(1) as f64).sqrt();
+            let mut cells = vec![patch.name.to_owned(), patch.points.to_string(), format!("{rmse:.4}")];
+            cells.extend(patch.delta_e.iter().map(|de| format!("{de:.2}")));
+            table.row(cells);
+        }
+        table
+    }
+
     fn light_table(&self) -> Table {
         let mut table = Table::new(&[
             "object",
@@ -182,5 +202,27 @@ impl Found {
             y: Axis::around("RMSE", heights),
             panels: vec![Panel { title: "held-out volumes".into(), series }],
         }
+    }
+}
+
+/// Radiance by wavelength, a panel a patch.
+pub fn spectra(patches: &[Patch]) -> Plot {
+    let series = |name: &str, nm: &[f64], radiance: &[f64]| Series {
+        name: name.to_owned(),
+        points: nm.iter().zip(radiance).map(|(&nm, &v)| [nm, v]).collect(),
+    };
+    Plot {
+        x: Axis { title: "wavelength, nm".into(), range: [400.0, 700.0] },
+        y: Axis { title: "radiance".into(), range: [0.01, 1.0] },
+        panels: patches
+            .iter()
+            .map(|patch| Panel {
+                title: patch.name.to_owned(),
+                series: vec![
+                    series("512 paths", &patch.nm, &patch.paths),
+                    series("network", &patch.nm, &patch.network),
+                ],
+            })
+            .collect(),
     }
 }
