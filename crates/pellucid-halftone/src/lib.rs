@@ -11,7 +11,7 @@ mod mask;
 mod ranked_noise;
 mod thresholds;
 
-pub use diffusion::diffuse_errors;
+pub use diffusion::{Spread, diffuse_errors};
 pub use mask::BlueNoiseMask;
 pub use ranked_noise::RankedNoise;
 pub use thresholds::Thresholds;

@@ -2,7 +2,7 @@
 
 use pellucid_core::Control;
 use pellucid_core::random::{Domain, uniform};
-use pellucid_halftone::{BlueNoiseMask, Thresholds, diffuse_errors};
+use pellucid_halftone::{BlueNoiseMask, Spread, Thresholds, diffuse_errors};
 use pellucid_voxel::Pitch;
 
 const SIZE: [usize; 3] = [24, 24, 24];
@@ -56,7 +56,8 @@ fn diffused(level: f32) -> Vec<bool> {
     };
     // The first layers wait for errors to build up; the pattern above them is what counts.
     let wait = 96;
-    let chosen = diffuse_errors([24, 24, wait + 24], 2, 7, grey, &Control::none()).unwrap();
+    let chosen =
+        diffuse_errors([24, 24, wait + 24], 2, &Spread::layers(), 7, grey, &Control::none()).unwrap();
     chosen[wait as usize * 576..].iter().map(|&c| c == 0).collect()
 }
 
@@ -85,7 +86,7 @@ fn diffusion_leaves_air_alone_and_keeps_three_colours_apart() {
         fractions.copy_from_slice(if v[0] < 12 { &[0.5, 0.2, 0.3] } else { &[0.0, 0.1, 0.9] });
         v[1] >= 4
     };
-    let chosen = diffuse_errors(size, 3, 7, mixture, &Control::none()).unwrap();
+    let chosen = diffuse_errors(size, 3, &Spread::layers(), 7, mixture, &Control::none()).unwrap();
     let mut counts = [[0u32; 3]; 2];
     for (i, &c) in chosen.iter().enumerate() {
         let [x, y] = [i % 24, i / 24 % 20];
@@ -98,6 +99,33 @@ fn diffusion_leaves_air_alone_and_keeps_three_colours_apart() {
     for (counts, wanted) in counts.iter().zip([[0.5, 0.2, 0.3], [0.0, 0.1, 0.9]]) {
         for (&count, wanted) in counts.iter().zip(wanted) {
             assert!((f64::from(count) / half - wanted).abs() < 0.02, "{counts:?}");
+        }
+    }
+}
+
+#[test]
+fn every_spread_keeps_the_grey_and_is_quieter_than_white_noise() {
+    for (name, spread) in [
+        ("layer", Spread::layer()),
+        ("layers", Spread::layers()),
+        ("pitch", Spread::of_pitch(Pitch::new([0.04, 0.08, 0.03]).unwrap())),
+    ] {
+        let shares: f32 = spread.steps().iter().map(|s| s.1).sum();
+        assert!((shares - 1.0).abs() < 1e-5, "{name}: {shares}");
+        assert!(
+            spread.steps().iter().all(|([x, y, z], _)| (z, y, x) > (&0, &0, &0)),
+            "{name}: later ones only"
+        );
+        for level in [0.1f32, 0.45] {
+            let grey = |_: [u32; 3], fractions: &mut [f32]| {
+                fractions.copy_from_slice(&[level, 1.0 - level]);
+                true
+            };
+            let chosen = diffuse_errors([24, 24, 120], 2, &spread, 7, grey, &Control::none()).unwrap();
+            let dark: Vec<bool> = chosen[96 * 576..].iter().map(|&c| c == 0).collect();
+            let density = dark.iter().filter(|d| **d).count() as f32 / dark.len() as f32;
+            assert!((density - level).abs() < 0.012, "{name} {level}: {density}");
+            assert!(power(&dark, 1..4) < 0.7, "{name} {level}: {}", power(&dark, 1..4));
         }
     }
 }
