@@ -72,6 +72,8 @@ enum Texels {
     Srgb8(Vec<[u8; 3]>),
     /// Linear, 16 bits a channel.
     Linear16(Vec<[u16; 3]>),
+    /// Linear, the same in every channel.
+    Grey8(Vec<u8>),
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -87,6 +89,7 @@ impl Level {
         match &self.texels {
             Texels::Srgb8(t) => t[i].map(|c| f64::from(SRGB_TO_LINEAR[usize::from(c)])),
             Texels::Linear16(t) => t[i].map(|c| f64::from(c) / 65535.0),
+            Texels::Grey8(t) => [f64::from(t[i]) / 255.0; 3],
         }
     }
 
@@ -108,7 +111,11 @@ impl Level {
                 *texel = sum.map(|c| (c * 65535.0).round() as u16);
             }
         });
-        Level { width, height, texels: Texels::Linear16(texels) }
+        let texels = match self.texels {
+            Texels::Grey8(_) => Texels::Grey8(texels.iter().map(|t| ((u32::from(t[0]) + 128) / 257) as u8).collect()),
+            _ => Texels::Linear16(texels),
+        };
+        Level { width, height, texels }
     }
 }
 
@@ -150,6 +157,14 @@ impl Image {
         Self::new(width, height, texels.len(), Texels::Linear16(texels))
     }
 
+    /// From linear grey texels `[y][x]` (255 is 1), row 0 at v = 0: opacities, read as three equal channels.
+    ///
+    /// # Errors
+    /// [`MeshError::Invalid`] if a side is 0 or the length is not width x height.
+    pub fn from_linear_grey8(width: u32, height: u32, texels: Vec<u8>) -> Result<Self, MeshError> {
+        Self::new(width, height, texels.len(), Texels::Grey8(texels))
+    }
+
     fn new(width: u32, height: u32, len: usize, texels: Texels) -> Result<Self, MeshError> {
         if width == 0 || height == 0 || (width as usize).checked_mul(height as usize) != Some(len) {
             return Err(MeshError::invalid(
@@ -173,6 +188,11 @@ impl Image {
         // Each level has at most a quarter of the one above, or half of it once a side is 1.
         let chain = pixels.div_ceil(3) + u64::from(width.max(height));
         pixels * if sixteen_bit { 6 } else { 3 } + chain * 6
+    }
+
+    /// Upper bound on the bytes of an image of grey texels with its mip chain.
+    pub fn grey_bytes(width: u32, height: u32) -> u64 {
+        Self::bytes(width, height, true) / 6 + 1
     }
 
     /// Width and height of level 0 in texels.
@@ -209,6 +229,7 @@ impl Texture {
             Texels::Linear16(texels) => {
                 texels.iter().flatten().for_each(|v| digest.add(&v.to_le_bytes()));
             }
+            Texels::Grey8(texels) => digest.add(texels),
         }
     }
 
@@ -348,9 +369,13 @@ mod tests {
                 .map(|l| match &l.texels {
                     Texels::Srgb8(t) => 3 * t.len(),
                     Texels::Linear16(t) => 6 * t.len(),
+                    Texels::Grey8(t) => t.len(),
                 })
                 .sum();
             assert!(held as u64 <= Image::bytes(width, height, false), "{width} x {height}");
+            let grey = Image::from_linear_grey8(width, height, vec![0; (width * height) as usize]).unwrap();
+            let texels: u32 = grey.levels.iter().map(|l| l.width * l.height).sum();
+            assert!(u64::from(texels) <= Image::grey_bytes(width, height), "{width} x {height}");
         }
     }
 

@@ -3,6 +3,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod clear;
 mod conformance;
 #[allow(dead_code, reason = "the writer is shared with the tests of glTF")]
 #[path = "../import/glb.rs"]

@@ -4,6 +4,7 @@ use pellucid_mesh::{MeshReport, Model, PlacedMesh, Placement, VoxeliseOptions};
 use pellucid_slice::check_extent;
 use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
 
+use crate::job::clear::{ClearParts, Split};
 use crate::record::ModelRecord;
 use crate::report::Thinness;
 use crate::stage::Stage;
@@ -32,6 +33,8 @@ pub struct Placed {
     pub extent_mm: [f64; 3],
     /// The model's mesh, where there was one.
     pub mesh: Option<MeshReport>,
+    /// What is printed in clear resin; not solid here.
+    pub clear: Option<ClearParts>,
 }
 
 impl PrintJob {
@@ -55,11 +58,24 @@ impl PrintJob {
             Ok::<_, PrintError>((mesh, voxelised))
         })?;
         voxelised.report.warnings().iter().for_each(|warning| monitor.warn(warning));
-        let shape = self.measure(voxelised.grid, monitor)?;
-        let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
+        let (shape, texture, clear) = match self.clear {
+            None => {
+                let shape = self.measure(voxelised.grid, monitor)?;
+                let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
+                (shape, texture, None)
+            }
+            Some(label) => {
+                let Split { opaque, clear, body } =
+                    self.split(&mesh, &voxelised.grid, &options, label, monitor)?;
+                let shape = self.measure(opaque, monitor)?;
+                let texture = shape.surface.voxels().iter().map(|&voxel| body.color(voxel)).collect();
+                (shape, texture, Some(clear))
+            }
+        };
         Ok(Placed {
             model: ModelRecord::of(model),
             texture,
+            clear,
             extent_mm: voxelised.report.extent_mm,
             mesh: Some(voxelised.report),
             ..shape
@@ -127,6 +143,7 @@ impl PrintJob {
             nearest,
             thickness_mm,
             texture: Vec::new(),
+            clear: None,
             extent_mm: std::array::from_fn(|a| f64::from(size[a]) * mm[a]),
             mesh: None,
         })

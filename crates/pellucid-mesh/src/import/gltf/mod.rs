@@ -7,7 +7,8 @@
 //! targets of positions, coordinates and colours at their default weights.
 //!
 //! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
-//! (prints are opaque), emission (prints do not glow), what a scale of 0 collapses, and inverted
+//! (prints are opaque; with [`ImportOptions::opacity`](crate::ImportOptions::opacity) the alpha of materials whose
+//! `alphaMode` is `MASK` or `BLEND` counts), emission (prints do not glow), what a scale of 0 collapses, and inverted
 //! hulls: outlines drawn by a single-sided shell around a body that faces inwards. Without a default
 //! scene the only scene is taken, or else all root nodes. A material's other extensions (gloss, coat)
 //! are ignored.
@@ -110,5 +111,9 @@ fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
         materials.base_colors,
         materials.textures,
     )?;
+    let model = match source.options.opacity {
+        true => model.with_opacity(materials.opacity)?,
+        false => model,
+    };
     Ok(model.with_read_as(read_as(source)))
 }

@@ -112,6 +112,7 @@ pub(super) struct Image {
 #[serde(rename_all = "camelCase")]
 pub(super) struct Material {
     pub alpha_mode: Option<String>,
+    pub alpha_cutoff: Option<f64>,
     pub double_sided: Option<bool>,
     pub emissive_factor: Option<[f64; 3]>,
     #[serde(default)]
