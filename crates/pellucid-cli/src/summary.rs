@@ -63,7 +63,8 @@ pub fn of(report: &Report, out: &Path) -> String {
         let _ = writeln!(text, "predictor: {}, since {}", choice.chosen.name(), choice.reason);
     }
     if let Some(clear) = &report.clear {
-        let _ = writeln!(text, "clear resin: {} voxels, {:.1} % of the print", clear.voxels, 100.0 * clear.share);
+        let _ =
+            writeln!(text, "clear resin: {} voxels, {:.1} % of the print", clear.voxels, 100.0 * clear.share);
     }
     if let Some(texture) = &report.texture {
         let [width, height] = texture.size;

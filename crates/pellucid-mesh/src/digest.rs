@@ -20,9 +20,8 @@ impl Model {
             digest.add(&material.texture.map_or(u64::MAX, u64::from).to_le_bytes());
         }
         for opacity in self.opacity() {
-            let (texture, threshold) = opacity.map_or((u64::MAX, -1.0), |o| {
-                (o.texture.map_or(u64::MAX, u64::from), o.threshold)
-            });
+            let (texture, threshold) =
+                opacity.map_or((u64::MAX, -1.0), |o| (o.texture.map_or(u64::MAX, u64::from), o.threshold));
             digest.add(&texture.to_le_bytes());
             digest.add(&threshold.to_le_bytes());
         }

@@ -239,7 +239,8 @@ impl Model {
         footprint_m: f64,
     ) -> [f32; 3] {
         let corners = self.triangles[triangle as usize].vertices.map(|v| &self.vertices[v as usize]);
-        let uv = [0, 1].map(|i| (0..3).map(|k| barycentric[k] * f64::from(corners[k].uv[i])).sum::<f64>() as f32);
+        let uv =
+            [0, 1].map(|i| (0..3).map(|k| barycentric[k] * f64::from(corners[k].uv[i])).sum::<f64>() as f32);
         let axes = footprint_axes(corners, footprint_m);
         self.textures[texture as usize].sample_anisotropic(uv, axes)
     }

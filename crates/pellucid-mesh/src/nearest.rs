@@ -168,13 +168,7 @@ impl NearestTriangle {
     }
 
     /// [`Self::find`] among the places that `accept` takes, with the squared distance.
-    fn find_any(
-        &self,
-        p: Vec3,
-        normal: Vec3,
-        slack: f64,
-        accept: impl Fn(u32, [f64; 3]) -> bool,
-    ) -> Hit {
+    fn find_any(&self, p: Vec3, normal: Vec3, slack: f64, accept: impl Fn(u32, [f64; 3]) -> bool) -> Hit {
         let side = |t: u32| self.sides[t as usize];
         let visible = |t: u32| !matches!(side(t), Sides::Back | Sides::Hidden);
         let any = self.nearest(p, f64::INFINITY, visible, &accept);

@@ -172,10 +172,12 @@ mod tests {
 
     /// A cube, and one of an edge of 1 mm beside it.
     fn two_cubes() -> Model {
-        let (a, b) = (Shape::cuboid([0.0; 3], [2.0; 3]).model(), Shape::cuboid([2.0, 0.0, 0.0], [3.0; 3]).model());
+        let (a, b) =
+            (Shape::cuboid([0.0; 3], [2.0; 3]).model(), Shape::cuboid([2.0, 0.0, 0.0], [3.0; 3]).model());
         let base = a.vertices().len() as u32;
         let vertices = [a.vertices(), b.vertices()].concat();
-        let moved = b.triangles().iter().map(|t| Triangle { vertices: t.vertices.map(|v| v + base), material: 1 });
+        let moved =
+            b.triangles().iter().map(|t| Triangle { vertices: t.vertices.map(|v| v + base), material: 1 });
         let triangles = a.triangles().iter().copied().chain(moved).collect();
         let materials = [a.materials(), b.materials()].concat();
         Model::new("cubes", vertices, triangles, materials, vec![]).unwrap()
@@ -229,12 +231,18 @@ mod tests {
             let texture = Texture::new(image.into(), crate::Sampler::default());
             let cube = Shape::cuboid([0.0; 3], [2.0; 3]).model();
             let uv = |p: [f64; 3]| [(p[0] + p[1]) as f32 * 250.0, (p[2] + p[1]) as f32 * 250.0];
-            let vertices = cube.vertices().iter().map(|v| crate::Vertex { uv: uv(v.position_m), ..*v }).collect();
+            let vertices =
+                cube.vertices().iter().map(|v| crate::Vertex { uv: uv(v.position_m), ..*v }).collect();
             let count = cube.materials().len();
-            let model =
-                Model::new("m", vertices, cube.triangles().to_vec(), cube.materials().to_vec(), vec![texture])
-                    .and_then(|m| m.with_opacity(vec![Some(Opacity { texture: Some(0), threshold: 0.01 }); count]))
-                    .unwrap();
+            let model = Model::new(
+                "m",
+                vertices,
+                cube.triangles().to_vec(),
+                cube.materials().to_vec(),
+                vec![texture],
+            )
+            .and_then(|m| m.with_opacity(vec![Some(Opacity { texture: Some(0), threshold: 0.01 }); count]))
+            .unwrap();
             assert_eq!(model.clear_bodies().iter().all(|c| *c), clear);
         }
     }

@@ -41,7 +41,8 @@ impl PlacedMesh<'_> {
     /// [`MeshError::Cancelled`].
     pub fn surface_colors(&self, surface: &Surface, control: &Control) -> Result<Vec<[f32; 3]>, MeshError> {
         let opaque = |_: u32, _: [f64; 3], _: f64| false;
-        let color = |t: u32, weights: [f64; 3], footprint_m: f64| self.model().color_at(t, weights, footprint_m);
+        let color =
+            |t: u32, weights: [f64; 3], footprint_m: f64| self.model().color_at(t, weights, footprint_m);
         self.looks(surface, opaque, color, control)
     }
 

@@ -52,8 +52,9 @@ impl Choice {
         let cost = |t: &Trial| t.seconds * t.error * t.error;
         let best = trials.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
         let chosen = best.map_or(PredictorKind::MonteCarlo, |t| t.predictor);
-        let pass =
-            |t: &Trial| format!("{} takes {:.1} s at an error of {:.3}", t.predictor.name(), t.seconds, t.error);
+        let pass = |t: &Trial| {
+            format!("{} takes {:.1} s at an error of {:.3}", t.predictor.name(), t.seconds, t.error)
+        };
         let passes: Vec<String> = trials.iter().map(pass).collect();
         let reason = format!("it takes least time for equal error: over the surface {}", passes.join(", "));
         Self { chosen, reason, trials }
@@ -134,9 +135,9 @@ impl PrintJob {
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
     pub fn choose(&self, aimed: &Aimed, control: &Control<'_>) -> Result<Choice, PrintError> {
         let network = match self.network_for(aimed) {
-            Err(
-                PrintError::Unsupported(fault) | PrintError::Predict(PredictError::Unsupported(fault)),
-            ) => return Ok(Choice::without_network(&fault.to_string())),
+            Err(PrintError::Unsupported(fault) | PrintError::Predict(PredictError::Unsupported(fault))) => {
+                return Ok(Choice::without_network(&fault.to_string()));
+            }
             other => other?,
         };
         let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };

@@ -40,7 +40,12 @@ fn boxes(boxes: &[([f64; 3], [f64; 3], [f32; 4])], opacity: Option<Image>) -> Mo
         for [a, b, c, d] in sides.map(|side| side.map(|v| v + first)) {
             triangles.extend([[a, b, c], [a, c, d]].map(|vertices| Triangle { vertices, material }));
         }
-        materials.push(BaseColor { name: String::new(), factor: *factor, texture: None, double_sided: false });
+        materials.push(BaseColor {
+            name: String::new(),
+            factor: *factor,
+            texture: None,
+            double_sided: false,
+        });
     }
     let clamped = Sampler { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..Sampler::default() };
     let texture = opacity.is_some().then_some(0);
@@ -106,7 +111,8 @@ fn a_clear_body_is_printed_clear_and_the_rest_as_without_it() {
     let job = PrintJob::new(prepared.record.settings.clone()).unwrap();
     let proof = job.prove("print", back, manifest, &Monitor::silent()).unwrap();
     assert_eq!(proof.object.surface().len(), prepared.aimed.object.surface().len());
-    let again = proof.write(ProofFiles::built(), &folder.path().join("look"), false, &Monitor::silent()).unwrap();
+    let again =
+        proof.write(ProofFiles::built(), &folder.path().join("look"), false, &Monitor::silent()).unwrap();
     assert_eq!(again.solid_voxels, report.solid_voxels);
 }
 
@@ -133,8 +139,7 @@ fn a_see_through_place_of_a_wall_is_a_window() {
     let model = boxes(&[([0.0; 3], [3.0, 1.0, 3.0], RED)], Some(image));
     let prepared = prepare(settings(), &model);
     let printed = prepared.aimed.with_clear(&prepared.refined.labels);
-    let [left, right] =
-        [[0.1, 1.3], [1.7, 2.6]].map(|[a, b]| within(&printed, [a, 0.0, 0.4], [b, 1.0, 2.6]));
+    let [left, right] = [[0.1, 1.3], [1.7, 2.6]].map(|[a, b]| within(&printed, [a, 0.0, 0.4], [b, 1.0, 2.6]));
     assert!(left[6] == 0 && left[1..].iter().sum::<u64>() > 1000, "{left:?}");
     assert!(right[6] > 1000 && right[..6] == [0; 6], "see-through from side to side: {right:?}");
     let report = prepared.aimed.clear.as_ref().unwrap().report;
@@ -168,10 +173,12 @@ fn the_same_print_for_any_number_of_threads_and_on_both_strategies() {
 
 #[test]
 fn what_cannot_be_printed_clear_is_refused_before_any_work() {
-    let refused = |settings: PrintSettings| PrintJob::new(settings).err().map(|e| e.to_string()).unwrap_or_default();
+    let refused =
+        |settings: PrintSettings| PrintJob::new(settings).err().map(|e| e.to_string()).unwrap_or_default();
     let without = PrintTarget::j750();
     let palette: Vec<_> = without.palette().iter().filter(|(name, _)| *name != "clear").collect();
-    let palette: Vec<(&str, [u8; 4])> = palette.into_iter().map(|(name, rgba)| (name.as_str(), *rgba)).collect();
+    let palette: Vec<(&str, [u8; 4])> =
+        palette.into_iter().map(|(name, rgba)| (name.as_str(), *rgba)).collect();
     let printer = without.clone().with_palette(palette).unwrap();
     let text = refused(PrintSettings { printer, ..settings() });
     assert!(text.contains("no colour for material \"clear\"") && text.contains("add one"), "{text}");

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 #[cfg(feature = "obj")]
 use std::sync::Arc;
 
-use super::source::Source;
 use super::picture::Decoded;
+use super::source::Source;
 use super::{ReadAs, picture};
 use crate::opacity::{HALF, Opacity};
 use crate::texture::{Sampler, Texture, srgb_to_linear};

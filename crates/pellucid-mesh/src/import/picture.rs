@@ -60,8 +60,7 @@ pub(super) fn decode_opacity(
     bytes: &[u8],
     budget: &mut u64,
 ) -> Result<Image, MeshError> {
-    let picture =
-        open(source, object, bytes, budget, |width, height, _| Image::grey_bytes(width, height))?;
+    let picture = open(source, object, bytes, budget, |width, height, _| Image::grey_bytes(width, height))?;
     let (width, height) = (picture.width(), picture.height());
     let texels = alphas(&picture).unwrap_or_else(|| picture.into_luma8().into_raw());
     Image::from_linear_grey8(width, height, texels)

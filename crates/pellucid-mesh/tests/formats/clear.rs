@@ -96,8 +96,9 @@ fn a_clear_body_is_the_same_in_every_format() {
         fs::write(folder.path().join("scene.mtl"), mtl).unwrap();
         folder
     });
-    let translucent =
-        |kind| threemf_xml(&scene, kind).replace("#1428DCFF\"", "#1428DC4C\"").replace("#1428DC\"", "#1428DC4C\"");
+    let translucent = |kind| {
+        threemf_xml(&scene, kind).replace("#1428DCFF\"", "#1428DC4C\"").replace("#1428DC\"", "#1428DC4C\"")
+    };
     let hex = |kind| package(&translucent(kind), &[]);
     let files: Vec<(&str, Vec<u8>, Option<&Path>)> = vec![
         ("a.glb", gltf_of(&scene, color, None, json!({"alphaMode": "BLEND"})), None),
@@ -116,7 +117,9 @@ fn a_clear_body_is_the_same_in_every_format() {
         assert!(model.notes().is_empty(), "{name}: {:?}", model.notes());
         let found = looks(&model);
         assert!(found.0 == expected.0, "{name}: other voxels are opaque");
-        let same = |a: &([f32; 3], bool), b: &([f32; 3], bool)| (0..3).all(|c| (a.0[c] - b.0[c]).abs() < 0.004) && a.1 == b.1;
+        let same = |a: &([f32; 3], bool), b: &([f32; 3], bool)| {
+            (0..3).all(|c| (a.0[c] - b.0[c]).abs() < 0.004) && a.1 == b.1
+        };
         assert!(found.1.iter().zip(&expected.1).all(|(a, b)| same(a, b)), "{name}: other looks");
 
         let opaque = import(false, name, bytes, *folder);
@@ -166,7 +169,11 @@ fn a_see_through_texture_is_the_same_in_every_format() {
     ];
     let expected = looks(&import(true, files[0].0, &files[0].1, None));
     let clear = expected.1.iter().filter(|l| l.1).count();
-    assert!((0.45..0.55).contains(&(clear as f64 / expected.1.len() as f64)), "{clear} of {}", expected.1.len());
+    assert!(
+        (0.45..0.55).contains(&(clear as f64 / expected.1.len() as f64)),
+        "{clear} of {}",
+        expected.1.len()
+    );
     for (name, bytes, folder) in &files {
         let model = import(true, name, bytes, *folder);
         // A window in a body, and no body.
@@ -179,7 +186,12 @@ fn a_see_through_texture_is_the_same_in_every_format() {
         assert_eq!(opaque.textures().len(), 1, "{name}");
     }
     // An opaque material is opaque, whatever its texture holds.
-    let opaque = import(true, "a.glb", &gltf_of(&sphere, |_| [1.0; 4], Some(&skin), json!({"alphaMode": "OPAQUE"})), None);
+    let opaque = import(
+        true,
+        "a.glb",
+        &gltf_of(&sphere, |_| [1.0; 4], Some(&skin), json!({"alphaMode": "OPAQUE"})),
+        None,
+    );
     assert!(looks(&opaque).1.iter().all(|l| !l.1));
 }
 

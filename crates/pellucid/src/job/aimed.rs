@@ -181,8 +181,7 @@ impl PrintJob {
             return Ok(Vec::new());
         }
         let bands = self.inks.spectrum();
-        let white =
-            self.inks.get(self.white).ok_or_else(|| PrintError::invalid("materials", "no white"))?;
+        let white = self.inks.get(self.white).ok_or_else(|| PrintError::invalid("materials", "no white"))?;
         let white = Solver::new(s.refractive_index)?.thick_block(white)?;
         let upsampling = Upsampling::new(bands, viewing, &white)?;
         let viewings = s.also_under.iter().map(|&light| Viewing::new(bands, light, &white));

@@ -3,7 +3,8 @@
 use pellucid_core::Fault;
 use pellucid_mesh::{PlacedMesh, VoxeliseOptions};
 use pellucid_voxel::{
-    AIR, Anisotropy, LabelGrid, Material, MaterialTable, NearestSurface, Surface, SurfaceOptions, TILE_VOXELS, Tile,
+    AIR, Anisotropy, LabelGrid, Material, MaterialTable, NearestSurface, Surface, SurfaceOptions,
+    TILE_VOXELS, Tile,
 };
 use serde::{Deserialize, Serialize};
 
@@ -169,9 +170,7 @@ impl PrintJob {
         let window_voxels = looks.iter().filter(|(_, clear)| *clear).count() as u64;
         let nearest = match window_voxels {
             0 => None,
-            _ => Some(
-                monitor.run(Stage::Nearest, |c| NearestSurface::build(&grid, &surface, WINDOW_MM, c))?,
-            ),
+            _ => Some(monitor.run(Stage::Nearest, |c| NearestSurface::build(&grid, &surface, WINDOW_MM, c))?),
         };
         let body = Body { surface, looks, nearest };
         let opaque = body.opaque(&grid);

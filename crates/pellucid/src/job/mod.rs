@@ -27,8 +27,8 @@ use crate::stage::Stage;
 use crate::workspace::CHOICE;
 use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyKind, Workspace, predictors};
 
-pub use clear::{ClearParts, ClearReport};
 pub use aimed::{Aimed, FurtherAim, SharedInk};
+pub use clear::{ClearParts, ClearReport};
 pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
@@ -75,6 +75,10 @@ impl PrintJob {
             settings.materials = clear::with_clear(&settings.materials)?;
         }
         let white = settings.check()?;
+        let (clear, inks) = match settings.clear_from_alpha {
+            true => (settings.materials.label_of(clear::CLEAR), clear::without_clear(&settings.materials)?),
+            false => (None, settings.materials.clone()),
+        };
         settings.refine.seed = settings.seed;
         settings.spp.get_or_insert(settings.strategy.spp());
         let iterations = match settings.strategy {
@@ -90,10 +94,6 @@ impl PrintJob {
         )?;
         settings.format.check(&settings.printer)?;
         let predictor = predictors::predictor(&settings)?;
-        let (clear, inks) = match settings.clear_from_alpha {
-            true => (settings.materials.label_of(clear::CLEAR), clear::without_clear(&settings.materials)?),
-            false => (None, settings.materials.clone()),
-        };
         Ok(Self { settings, white, clear, inks, predictor })
     }
 

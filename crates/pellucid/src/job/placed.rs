@@ -1,5 +1,6 @@
 //! The first artefact: which voxels are solid, and what colour their surface has in the texture.
 
+use pellucid_color::MixtureModel;
 use pellucid_mesh::{MeshReport, Model, PlacedMesh, Placement, VoxeliseOptions};
 use pellucid_slice::check_extent;
 use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
@@ -41,17 +42,22 @@ impl PrintJob {
     /// Voxelises a model.
     ///
     /// # Errors
-    /// [`PrintError::Unsupported`] at once when it is larger than the printer; [`PrintError`] of the step that failed.
+    /// At once [`PrintError::Unsupported`] when it is larger than the printer, and [`PrintError::Color`] when the materials
+    /// make no mixtures; [`PrintError`] of the step that failed.
     pub fn place(&self, model: &Model, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
         let s = &self.settings;
+        self.check_inks()?;
         let placement = Placement::new(model, s.scale)?;
-        check_extent(&s.printer, placement.extent_mm())?;
         let options = VoxeliseOptions {
             pitch: s.printer.pitch(),
             scale: s.scale,
             label: self.white,
             ..VoxeliseOptions::default()
         };
+        // The margin of air is part of the slices.
+        let margin = options.pitch.mm().map(|mm| 2.0 * f64::from(options.margin) * mm);
+        let extent_mm = placement.extent_mm();
+        check_extent(&s.printer, std::array::from_fn(|a| extent_mm[a] + margin[a]))?;
         let (mesh, voxelised) = monitor.run(Stage::Voxelise, |c| {
             let mesh = PlacedMesh::at(model, placement);
             let voxelised = mesh.voxelise(&options, c)?;
@@ -86,7 +92,8 @@ impl PrintJob {
     /// surface voxel as a texture would.
     ///
     /// # Errors
-    /// [`PrintError::Invalid`] when the pitch is not the printer's or a colour is not finite,
+    /// [`PrintError::Invalid`] when the pitch is not the printer's or a colour is not finite, [`PrintError::Color`] when the
+    /// materials make no mixtures,
     /// [`PrintError::Unsupported`] when the box is larger than the printer.
     pub fn place_volume(
         &self,
@@ -95,6 +102,7 @@ impl PrintJob {
         color: impl Fn([u32; 3]) -> [f32; 3] + Sync,
         monitor: &Monitor<'_>,
     ) -> Result<Placed, PrintError> {
+        self.check_inks()?;
         let (mm, size) = (labels.frame().pitch().mm(), labels.size());
         let wanted = self.settings.printer.pitch().mm();
         if mm.iter().zip(wanted).any(|(a, b)| (a / b - 1.0).abs() > 1e-6) {
@@ -115,6 +123,11 @@ impl PrintJob {
         }
         placed.model = ModelRecord::of_volume(name, &placed.solid, &placed.texture);
         Ok(placed)
+    }
+
+    /// Whether colours can be made of the materials; of slices that are there already nobody asks that.
+    fn check_inks(&self) -> Result<(), PrintError> {
+        Ok(MixtureModel::check(&self.inks, "white", self.settings.illuminant)?)
     }
 
     /// Everything of a placed shape that follows from its voxels; colour, name and extent are the caller's.

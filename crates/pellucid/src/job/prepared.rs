@@ -107,7 +107,14 @@ impl Prepared {
         };
         let (materials, printer) = (&self.record.settings.materials, &self.record.settings.printer);
         monitor.run(Stage::Slices, |c| {
-            write_stack(&self.aimed.with_clear(&self.refined.labels), materials, printer, &settings, staged.path(), c)
+            write_stack(
+                &self.aimed.with_clear(&self.refined.labels),
+                materials,
+                printer,
+                &settings,
+                staged.path(),
+                c,
+            )
         })?;
         let page = monitor.run(Stage::Proof, |c| {
             self.write_pictures(staged.path(), c)?;

@@ -22,6 +22,8 @@ mod container;
 mod extensions;
 mod images;
 mod materials;
+#[cfg(feature = "meshopt")]
+mod meshopt;
 mod nodes;
 mod primitive;
 mod schema;

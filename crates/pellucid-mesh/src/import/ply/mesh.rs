@@ -384,4 +384,3 @@ fn list(element: &Element, names: &[&str]) -> Option<usize> {
     let index = element.position(names)?;
     matches!(element.properties[index].kind, Kind::List { .. }).then_some(index)
 }
-

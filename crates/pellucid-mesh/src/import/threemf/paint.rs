@@ -22,12 +22,7 @@ pub(super) fn resolve(source: &Source, part: &Part, property: Property) -> Resul
     layered(source, part, property, 0)
 }
 
-fn layered(
-    source: &Source,
-    part: &Part,
-    (group, index): Property,
-    depth: u32,
-) -> Result<Paint, String> {
+fn layered(source: &Source, part: &Part, (group, index): Property, depth: u32) -> Result<Paint, String> {
     let missing = || format!("property {index} of group {group} does not exist");
     let at = index as usize;
     match part.groups.get(&group) {
