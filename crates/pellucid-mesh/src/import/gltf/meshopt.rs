@@ -1,6 +1,6 @@
 //! Buffer views that meshopt compressed (`EXT_meshopt_compression`, `KHR_meshopt_compression`).
 
-use meshoptimizer_rs::codec::{BufferView as Layout, Filter, Mode};
+use meshoptimizer_rs::codec::{self, BufferView as Layout, Filter, Mode};
 use meshoptimizer_rs::{Error, Limits, Workspace};
 
 use super::REEXPORT;
@@ -26,7 +26,12 @@ pub(super) fn decode(
     };
     let mode = Mode::parse(&compression.mode).map_err(|_| unknown("mode", &compression.mode))?;
     let name = compression.filter.as_deref().unwrap_or("NONE");
-    let filter = Filter::parse(name).map_err(|_| unknown("filter", name))?;
+    // Of the KHR extension alone, as the second version of the vertex codec is.
+    let is_color = name == "COLOR" && mode == Mode::Attributes;
+    let filter = match is_color {
+        true => Filter::None,
+        false => Filter::parse(name).map_err(|_| unknown("filter", name))?,
+    };
     let invalid = |error: Error| {
         source.invalid(object, format!("its meshopt compression is damaged: {error}"), REEXPORT)
     };
@@ -42,7 +47,22 @@ pub(super) fn decode(
         ));
     };
     let limits = Limits { max_bytes: layout.byte_length().saturating_add(SCRATCH), ..Limits::default() };
-    let decoded = layout.decode(bytes, &mut Workspace::new(limits)).map_err(invalid)?;
+    let mut workspace = Workspace::new(limits);
+    let (count, stride) = (compression.count, compression.byte_stride);
+    let decoded = match mode {
+        Mode::Attributes => codec::decode_vertex_buffer(count, stride, bytes, &mut workspace),
+        Mode::Triangles => codec::decode_index_buffer(count, stride, bytes, &mut workspace),
+        Mode::Indices => codec::decode_index_sequence(count, stride, bytes, &mut workspace),
+    };
+    let mut decoded = decoded.map_err(invalid)?;
+    let filtered = match filter {
+        Filter::None if is_color => codec::decode_filter_color(&mut decoded, count, stride, &mut workspace),
+        Filter::None => Ok(()),
+        Filter::Octahedral => codec::decode_filter_oct(&mut decoded, count, stride, &mut workspace),
+        Filter::Quaternion => codec::decode_filter_quat(&mut decoded, count, stride, &mut workspace),
+        Filter::Exponential => codec::decode_filter_exp(&mut decoded, count, stride, &mut workspace),
+    };
+    filtered.map_err(invalid)?;
     source.budget.set(left);
     Ok(decoded)
 }

@@ -1,10 +1,11 @@
 //! glTF 2.0: `.glb`, and `.gltf` with data URIs or files beside it.
 //!
 //! Read: node transforms, all meshes of the default scene, triangle lists, strips and fans, every
-//! index and attribute type, sparse accessors, `KHR_mesh_quantization`, base-colour factor, texture
-//! and `COLOR_0`, `KHR_texture_transform`, samplers, `EXT_texture_webp` (feature `webp`), the diffuse
-//! colour of `KHR_materials_pbrSpecularGlossiness`, `KHR_node_visibility`, skins at rest, and morph
-//! targets of positions, coordinates and colours at their default weights.
+//! index and attribute type, sparse accessors, `KHR_mesh_quantization`, meshopt compression
+//! (feature `meshopt`), base-colour factor, texture and `COLOR_0`, `KHR_texture_transform`, samplers,
+//! `EXT_texture_webp` (feature `webp`), the diffuse colour of `KHR_materials_pbrSpecularGlossiness`,
+//! `KHR_node_visibility`, skins at rest, and morph targets of positions, coordinates and colours at their
+//! default weights.
 //!
 //! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
 //! (prints are opaque; with [`ImportOptions::opacity`](crate::ImportOptions::opacity) the alpha of materials whose
@@ -13,8 +14,8 @@
 //! scene the only scene is taken, or else all root nodes. A material's other extensions (gloss, coat)
 //! are ignored.
 //!
-//! Refused with the object and a remedy: Draco and meshopt compression, other required
-//! extensions, textures of other formats, and a texture without coordinates.
+//! Refused with the object and a remedy: Draco compression, and meshopt's without the feature `meshopt`,
+//! other required extensions, textures of other formats, and a texture without coordinates.
 
 mod accessor;
 mod buffers;
