@@ -42,27 +42,22 @@ fn trials_decide_where_the_network_fits() {
 
 #[test]
 fn paths_are_taken_where_the_network_was_not_trained() {
-    let with = |f: &dyn Fn(&mut PrintSettings)| {
+    let says = |change: &dyn Fn(&mut PrintSettings), texts: &[&str]| {
         let mut settings = settings();
-        f(&mut settings);
-        choice(settings)
+        change(&mut settings);
+        let choice = choice(settings);
+        assert_eq!((choice.chosen, choice.trials.len()), (PredictorKind::MonteCarlo, 0));
+        assert!(choice.reason.starts_with("the network does not fit"), "{}", choice.reason);
+        assert!(texts.iter().all(|text| choice.reason.contains(text)), "{}", choice.reason);
     };
+    let fine = |s: &mut PrintSettings| s.printer = PrintTarget::by_name("j750-high-quality-vivid").unwrap();
+    says(&fine, &["pitch", "0.014", "trained for"]);
+    says(&|s| s.refractive_index = 1.3, &["refractive index", "1.3", "1.5"]);
     let strong = |s: &mut PrintSettings| {
         let table = MaterialTable::cmykw();
         let mut materials = table.materials().to_vec();
         materials[3].sigma_a[1] = 400.0;
         s.materials = MaterialTable::over(table.spectrum().clone(), materials).unwrap();
     };
-    let fine = |s: &mut PrintSettings| s.printer = PrintTarget::by_name("j750-high-quality-vivid").unwrap();
-    let cases: [(&dyn Fn(&mut PrintSettings), &[&str]); 3] = [
-        (&fine, &["pitch", "0.014", "trained for"]),
-        (&|s| s.refractive_index = 1.3, &["refractive index", "1.3", "1.5"]),
-        (&strong, &["absorption of \"black\"", "400 per mm", "145.3"]),
-    ];
-    for (change, said) in cases {
-        let choice = with(change);
-        assert_eq!((choice.chosen, choice.trials.len()), (PredictorKind::MonteCarlo, 0));
-        assert!(choice.reason.starts_with("the network does not fit"), "{}", choice.reason);
-        assert!(said.iter().all(|text| choice.reason.contains(text)), "{}", choice.reason);
-    }
+    says(&strong, &["absorption of \"black\"", "400 per mm", "145.3"]);
 }

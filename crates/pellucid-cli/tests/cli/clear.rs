@@ -30,7 +30,11 @@ fn what_is_see_through_is_printed_clear_on_request() {
     let (out, again) = (folder.path().join("clear"), folder.path().join("again"));
     let done = run(&quick(text(&model), text(&out), &["--clear-from-alpha"]));
     assert!(done.status.success(), "{}", stderr(&done));
-    assert!(stdout(&done).contains("clear resin: ") && stdout(&done).contains("50."), "{}", stdout(&done));
+    assert!(
+        stdout(&done).contains("clear resin: ") && stdout(&done).contains("% of the print"),
+        "{}",
+        stdout(&done)
+    );
     assert!(!stderr(&done).contains("transparency is ignored"), "{}", stderr(&done));
     let report: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();

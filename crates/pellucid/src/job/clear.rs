@@ -155,14 +155,19 @@ impl PrintJob {
         }
         let bodies = model.clear_bodies();
         let body_triangles = bodies.iter().filter(|b| **b).count() as u64;
-        let left = model.without(&bodies).ok_or_else(nothing_opaque)?;
+        let (left, own);
         let (placed, grid) = match body_triangles {
-            0 => (PlacedMesh::at(model, *mesh.placement()), whole.clone()),
-            _ => monitor.run(Stage::Voxelise, |c| {
-                let placed = PlacedMesh::at(&left, *mesh.placement());
-                let grid = placed.voxelise(options, c)?.grid;
-                Ok::<_, PrintError>((placed, grid))
-            })?,
+            0 => (mesh, whole.clone()),
+            _ => {
+                left = model.without(&bodies).ok_or_else(nothing_opaque)?;
+                let voxelised = monitor.run(Stage::Voxelise, |c| {
+                    let placed = PlacedMesh::at(&left, *mesh.placement());
+                    let grid = placed.voxelise(options, c)?.grid;
+                    Ok::<_, PrintError>((placed, grid))
+                })?;
+                own = voxelised.0;
+                (&own, voxelised.1)
+            }
         };
         let surface =
             monitor.run(Stage::Surface, |c| Surface::extract(&grid, &SurfaceOptions::default(), c))?;
@@ -186,7 +191,7 @@ impl PrintJob {
         let voxels = clear.solid_count();
         let share = voxels as f64 / solid.solid_count().max(1) as f64;
         let report = ClearReport { voxels, share, body_triangles, window_voxels };
-        if voxels == 0 {
+        if voxels == 0 && !model.opacity().is_empty() {
             monitor.warn("no part of the model has an alpha below one half, so nothing is printed clear");
         }
         Ok(Split { opaque, clear: ClearParts { grid: clear, report }, body })
