@@ -54,9 +54,10 @@ impl PrintJob {
             label: self.white,
             ..VoxeliseOptions::default()
         };
+        let extent_mm = placement.extent_mm();
+        check_extent(&s.printer, extent_mm)?;
         // The margin of air is part of the slices.
         let margin = options.pitch.mm().map(|mm| 2.0 * f64::from(options.margin) * mm);
-        let extent_mm = placement.extent_mm();
         check_extent(&s.printer, std::array::from_fn(|a| extent_mm[a] + margin[a]))?;
         let (mesh, voxelised) = monitor.run(Stage::Voxelise, |c| {
             let mesh = PlacedMesh::at(model, placement);
