@@ -87,6 +87,7 @@ impl<'s, 'a> Parts<'s, 'a> {
 
     /// Adds a material of one linear colour, by which a texture or vertex colours are multiplied. It
     /// shows from both sides: formats other than glTF know no other kind.
+    #[cfg(any(feature = "ply", feature = "stl", feature = "3mf"))]
     pub fn material(&mut self, name: &str, rgb: [f32; 3], texture: Option<u32>) -> u32 {
         let opacity = texture.and_then(|t| self.opacities.get(&t).copied());
         self.translucent(name, rgb, texture, 1.0, opacity)
