@@ -71,6 +71,9 @@ pub struct Args {
     /// LED. The first is the one it is judged under; D65 without it
     #[arg(long, value_name = "LIGHT,…", value_delimiter = ',', value_parser = arguments::illuminant)]
     illuminants: Vec<Illuminant>,
+    /// Print what is see-through (alpha below one half) in the printer's clear resin; without it all is opaque
+    #[arg(long)]
+    clear_from_alpha: bool,
     /// Refractive index of the printed surface; 1.5 without it
     #[arg(long, value_name = "N", value_parser = arguments::refractive_index, allow_hyphen_values = true)]
     refractive_index: Option<f64>,
@@ -164,7 +167,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let workspace = workspace(args)?;
 
     let bars = Bars::new();
-    let model = import(args, earlier.as_ref(), &bars)?;
+    let model = import(args, job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
     if let Some(earlier) = earlier {
         warn_of_another(&model, &earlier);
     }
@@ -247,6 +250,7 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         }
         settings.device = Some(device);
     }
+    settings.clear_from_alpha |= args.clear_from_alpha;
     settings.refractive_index = args.refractive_index.unwrap_or(settings.refractive_index);
     settings.spp = args.spp.or(settings.spp);
     settings.refine.iterations = args.iterations.or(settings.refine.iterations);
@@ -276,11 +280,11 @@ fn workspace(args: &Args) -> Result<Workspace, Failure> {
 
 /// The model, read as the arguments say; without a word of theirs, and if it is the model of an earlier
 /// print, as it was read then.
-fn import(args: &Args, earlier: Option<&Record>, bars: &Bars) -> Result<Model, Failure> {
-    let options = ImportOptions { unit: args.unit, up: args.up, ..ImportOptions::default() };
+fn import(args: &Args, opacity: bool, earlier: Option<&Record>, bars: &Bars) -> Result<Model, Failure> {
+    let options = ImportOptions { unit: args.unit, up: args.up, opacity, ..ImportOptions::default() };
     let options = ImportOptions { color: args.color.unwrap_or(options.color), ..options };
     bars.begin(Stage::Import);
-    let imported = options.import_path(&args.model).map(|model| as_then(args, earlier, model));
+    let imported = options.import_path(&args.model).map(|model| as_then(args, opacity, earlier, model));
     bars.end(Stage::Import);
     let model = imported?;
     // What an earlier print was made with needs no note.
@@ -307,7 +311,7 @@ fn is_silent(read_as: &ReadAs) -> bool {
 
 /// The model read as an earlier print did, if that makes it the same model and no argument asks for
 /// something else.
-fn as_then(args: &Args, earlier: Option<&Record>, model: Model) -> Model {
+fn as_then(args: &Args, opacity: bool, earlier: Option<&Record>, model: Model) -> Model {
     let asked = args.unit.is_some() || args.up.is_some() || args.color.is_some();
     let Some((record, then)) = earlier.and_then(|e| Some((&e.model, e.model.read_as?))) else { return model };
     if asked || model.read_as() == Some(&then) {
@@ -317,6 +321,7 @@ fn as_then(args: &Args, earlier: Option<&Record>, model: Model) -> Model {
         unit: Some(then.unit),
         up: Some(then.up),
         color: then.color,
+        opacity,
         ..ImportOptions::default()
     };
     let again = options.import_path(&args.model).ok();

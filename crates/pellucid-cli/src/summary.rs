@@ -60,10 +60,11 @@ pub fn of(report: &Report, out: &Path) -> String {
         );
     }
     if let Some(choice) = &report.choice {
-        let trial =
-            |t: &pellucid::Trial| format!("{} {:.1} s, error {:.3}", t.predictor.name(), t.seconds, t.error);
-        let trials: Vec<String> = choice.trials.iter().map(trial).collect();
-        let _ = writeln!(text, "predictor: {} (a pass by {})", choice.chosen.name(), trials.join("; by "));
+        let _ = writeln!(text, "predictor: {}, since {}", choice.chosen.name(), choice.reason);
+    }
+    if let Some(clear) = &report.clear {
+        let _ =
+            writeln!(text, "clear resin: {} voxels, {:.1} % of the print", clear.voxels, 100.0 * clear.share);
     }
     if let Some(texture) = &report.texture {
         let [width, height] = texture.size;

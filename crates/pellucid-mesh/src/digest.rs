@@ -19,6 +19,12 @@ impl Model {
             material.factor.iter().for_each(|v| digest.add(&v.to_le_bytes()));
             digest.add(&material.texture.map_or(u64::MAX, u64::from).to_le_bytes());
         }
+        for opacity in self.opacity() {
+            let (texture, threshold) =
+                opacity.map_or((u64::MAX, -1.0), |o| (o.texture.map_or(u64::MAX, u64::from), o.threshold));
+            digest.add(&texture.to_le_bytes());
+            digest.add(&threshold.to_le_bytes());
+        }
         self.textures().iter().for_each(|texture| texture.add_to(&mut digest));
         digest
     }

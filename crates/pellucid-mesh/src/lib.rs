@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`import`] | model files (glTF, OBJ, 3MF, PLY, STL) into a [`Model`], within stated limits |
 //! | [`model`] | the imported mesh: vertices, triangles, base colours |
+//! | [`opacity`] | where a model is see-through |
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
 //! | [`placement`] | how large a model is printed, and where it lies in print space |
 //! | [`placed`] | a model in print space, its mesh analysed once for what follows |
@@ -32,6 +33,7 @@ pub mod mesh_report;
 pub mod model;
 mod nearest;
 mod nesting;
+pub mod opacity;
 pub mod placed;
 pub mod placement;
 #[cfg(test)]
@@ -49,6 +51,7 @@ pub use error::MeshError;
 pub use import::{ImportLimits, ImportOptions, LengthUnit, ReadAs, UpAxis, import_path, import_slice};
 pub use mesh_report::MeshReport;
 pub use model::{BaseColor, Model, Note, Triangle, Vertex};
+pub use opacity::Opacity;
 pub use placed::PlacedMesh;
 pub use placement::{Placement, Scale};
 pub use target::surface_colors;

@@ -2,6 +2,7 @@
 
 use crate::geometry::{Bounds, has_area};
 use crate::import::ReadAs;
+use crate::opacity::Opacity;
 use crate::{MeshError, Texture};
 
 /// A corner of triangles of one material.
@@ -58,6 +59,7 @@ pub struct Model {
     triangles: Vec<Triangle>,
     materials: Vec<BaseColor>,
     textures: Vec<Texture>,
+    pub(crate) opacity: Vec<Option<Opacity>>,
     notes: Vec<Note>,
     read_as: Option<ReadAs>,
 }
@@ -119,7 +121,8 @@ impl Model {
                 return fail(format!("material {i}"), "its colour factor is not finite", "fix the factor");
             }
         }
-        Ok(Self { name, vertices, triangles, materials, textures, notes: Vec::new(), read_as: None })
+        let (opacity, notes) = (Vec::new(), Vec::new());
+        Ok(Self { name, vertices, triangles, materials, textures, opacity, notes, read_as: None })
     }
 
     /// The same model with the triangles alone for which `keep` holds, by index; at least one must.
@@ -127,6 +130,13 @@ impl Model {
         let kept = (0..).zip(&self.triangles).filter(|(t, _)| keep(*t)).map(|(_, t)| *t);
         self.triangles = kept.collect();
         self
+    }
+
+    /// The same model without the triangles for which `drop` is true, one entry a triangle; `None` if none is left.
+    pub fn without(&self, drop: &[bool]) -> Option<Self> {
+        let dropped = |t: u32| drop.get(t as usize).copied().unwrap_or(false);
+        let left = (0..self.triangles.len() as u32).any(|t| !dropped(t));
+        left.then(|| self.clone().keeping(|t| !dropped(t)))
     }
 
     /// The same model with the importer's notes.
@@ -200,7 +210,7 @@ impl Model {
     ///
     /// `barycentric` weighs the triangle's corners (sum 1). The texture is averaged over a patch
     /// of the surface `footprint_m` metres wide around the point; 0 reads the texture as
-    /// magnified. Alpha is ignored: prints are opaque.
+    /// magnified. Alpha does not count: see [`Model::is_clear_at`].
     ///
     /// # Panics
     /// If `triangle` is not an index of [`Model::triangles`].
@@ -214,12 +224,36 @@ impl Model {
         let mut rgb: [f64; 3] =
             std::array::from_fn(|c| f64::from(material.factor[c]) * blend(&|v| v.color[c]));
         if let Some(texture) = material.texture {
-            let uv = [blend(&|v| v.uv[0]) as f32, blend(&|v| v.uv[1]) as f32];
-            let axes = footprint_axes(corners, footprint_m);
-            let texel = self.textures[texture as usize].sample_anisotropic(uv, axes);
+            let texel = self.texel_at(triangle, texture, barycentric, footprint_m);
             (0..3).for_each(|c| rgb[c] *= f64::from(texel[c]));
         }
         rgb.map(|c| c.clamp(0.0, 1.0) as f32)
+    }
+
+    /// A texture at a surface point, averaged over a patch `footprint_m` metres wide.
+    pub(crate) fn texel_at(
+        &self,
+        triangle: u32,
+        texture: u32,
+        barycentric: [f64; 3],
+        footprint_m: f64,
+    ) -> [f32; 3] {
+        let corners = self.triangles[triangle as usize].vertices.map(|v| &self.vertices[v as usize]);
+        let uv =
+            [0, 1].map(|i| (0..3).map(|k| barycentric[k] * f64::from(corners[k].uv[i])).sum::<f64>() as f32);
+        let axes = footprint_axes(corners, footprint_m);
+        self.textures[texture as usize].sample_anisotropic(uv, axes)
+    }
+
+    /// Texels of a texture along the edge of a triangle that has most.
+    pub(crate) fn texels_along(&self, triangle: u32, texture: u32) -> f64 {
+        let uvs = self.triangles[triangle as usize].vertices.map(|v| self.vertices[v as usize].uv);
+        let size = self.textures[texture as usize].size();
+        let texels = |a: usize, b: usize| {
+            let along = |i: usize| f64::from(uvs[a][i] - uvs[b][i]) * f64::from(size[i]);
+            along(0).hypot(along(1))
+        };
+        texels(0, 1).max(texels(1, 2)).max(texels(2, 0))
     }
 }
 

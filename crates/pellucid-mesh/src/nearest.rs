@@ -19,6 +19,8 @@ pub(crate) struct NearestTriangle {
     /// Unit normals with orientation put right; zero for triangles without area.
     normals: Vec<Vec3>,
     sides: Vec<Sides>,
+    /// Of open sheets without volume, such as decals.
+    flat: Vec<bool>,
 }
 
 /// What a triangle is part of, and from where it shows.
@@ -63,11 +65,14 @@ impl NearestTriangle {
             normals[source as usize] = scale(normals[source as usize], -1.0);
         }
         let mut sides = vec![Sides::Closed; corners.len()];
+        let mut flat = vec![false; corners.len()];
         for shell in topology.walls().filter(|s| !s.caps.is_empty()) {
+            let is_sheet = shell.is_sheet(&topology.vertices, &topology.triangles);
             for source in shell.triangles.iter().map(|&t| topology.source[t as usize]) {
                 let material = model.triangles()[source as usize].material;
                 let double = model.materials()[material as usize].double_sided;
                 sides[source as usize] = if double { Sides::DoubleSheet } else { Sides::Sheet };
+                flat[source as usize] = is_sheet;
             }
         }
         for shell in &topology.shells {
@@ -79,17 +84,19 @@ impl NearestTriangle {
             }
         }
         let boxes: Vec<Bounds> = corners.iter().map(|c| Bounds::of(*c)).collect();
-        Self { bvh: Bvh::build(&boxes), corners, normals, sides }
+        Self { bvh: Bvh::build(&boxes), corners, normals, sides, flat }
     }
 
     /// The outermost triangle in front of a point `below` of the mesh that shows there, seen
-    /// against the point's normal, for a voxel of the surface with its centre at `p`.
+    /// against the point's normal, for a voxel of the surface with its centre at `p`. Places that are `clear` cover
+    /// nothing.
     pub fn cover(
         &self,
         below: (u32, [f64; 3]),
         p: Vec3,
         normal: Vec3,
         surface: &Surface,
+        clear: impl Fn(u32, [f64; 3]) -> bool,
     ) -> Option<(u32, [f64; 3])> {
         let (triangle, weights) = below;
         let own = self.normals[triangle as usize];
@@ -116,7 +123,7 @@ impl NearestTriangle {
                 return;
             };
             let above = d > touching || (d > -touching && sheet(t) && !sheet(triangle));
-            if above && d <= reach {
+            if above && d <= reach && !clear(t, weights) {
                 match self.sides[t as usize] {
                     Sides::Hidden => {}
                     _ if facing > 0.0 => hits.push((d, t, weights)),
@@ -141,26 +148,53 @@ impl NearestTriangle {
     }
 
     /// The triangle nearest to `p`, preferring one that faces along `normal` among those at most
-    /// `slack` farther than the nearest of all. A back copy is taken only if it does.
-    pub fn find(&self, p: Vec3, normal: Vec3, slack: f64) -> (u32, [f64; 3]) {
-        let side = |t: u32| self.sides[t as usize];
-        let any = self.nearest(p, f64::INFINITY, |t| !matches!(side(t), Sides::Back | Sides::Hidden));
-        let faces = |t: u32| side(t) != Sides::Hidden && dot(self.normals[t as usize], normal) > SAME_SIDE;
-        let (d2, triangle, weights) = any;
-        if faces(triangle) {
-            return (triangle, weights);
+    /// `slack` farther than the nearest of all. A back copy is taken only if it does; a sheet that is `clear` there only
+    /// if nothing else is as near.
+    pub fn find(
+        &self,
+        p: Vec3,
+        normal: Vec3,
+        slack: f64,
+        clear: impl Fn(u32, [f64; 3]) -> bool,
+    ) -> (u32, [f64; 3]) {
+        let found = self.find_any(p, normal, slack, |_, _| true);
+        let passes = |t: u32, weights| !(self.flat[t as usize] && clear(t, weights));
+        if passes(found.1, found.2) {
+            return (found.1, found.2);
         }
-        let (found, facing, facing_weights) = self.nearest(p, (d2.sqrt() + slack).powi(2), faces);
-        if found.is_finite() { (facing, facing_weights) } else { (triangle, weights) }
+        let below = self.find_any(p, normal, slack, passes);
+        let (_, triangle, weights) = if below.0.sqrt() <= found.0.sqrt() + slack { below } else { found };
+        (triangle, weights)
     }
 
-    /// The nearest triangle within `radius2` that `accept` takes; an infinite distance when none is.
-    fn nearest(&self, p: Vec3, radius2: f64, accept: impl Fn(u32) -> bool) -> Hit {
+    /// [`Self::find`] among the places that `accept` takes, with the squared distance.
+    fn find_any(&self, p: Vec3, normal: Vec3, slack: f64, accept: impl Fn(u32, [f64; 3]) -> bool) -> Hit {
+        let side = |t: u32| self.sides[t as usize];
+        let visible = |t: u32| !matches!(side(t), Sides::Back | Sides::Hidden);
+        let any = self.nearest(p, f64::INFINITY, visible, &accept);
+        let faces = |t: u32| side(t) != Sides::Hidden && dot(self.normals[t as usize], normal) > SAME_SIDE;
+        let (d2, triangle, _) = any;
+        if faces(triangle) {
+            return any;
+        }
+        let facing = self.nearest(p, (d2.sqrt() + slack).powi(2), faces, &accept);
+        if facing.0.is_finite() { facing } else { any }
+    }
+
+    /// The nearest place within `radius2` that `accept` takes, on a triangle that `filter` does; an infinite distance when
+    /// there is none.
+    fn nearest(
+        &self,
+        p: Vec3,
+        radius2: f64,
+        filter: impl Fn(u32) -> bool,
+        accept: impl Fn(u32, [f64; 3]) -> bool,
+    ) -> Hit {
         let mut hit = (f64::INFINITY, 0, [1.0, 0.0, 0.0]);
         self.bvh.nearest(p, radius2, |t, best| {
-            if accept(t) {
+            if filter(t) {
                 let (weights, d2) = nearest_on_triangle(p, self.corners[t as usize]);
-                if d2 <= best && (d2, t) < (hit.0, hit.1) {
+                if d2 <= best && (d2, t) < (hit.0, hit.1) && accept(t, weights) {
                     hit = (d2, t, weights);
                     return d2;
                 }
@@ -209,7 +243,7 @@ mod tests {
             let model = shape.model();
             let placement = Placement::new(&model, crate::Scale::Native).unwrap();
             let nearest = NearestTriangle::build(&PlacedMesh::at(&model, placement));
-            let (found, weights) = nearest.find(p, normal, slack);
+            let (found, weights) = nearest.find(p, normal, slack, |_, _| false);
 
             let hits: Vec<([f64; 3], f64)> =
                 nearest.corners.iter().map(|c| nearest_on_triangle(p, *c)).collect();

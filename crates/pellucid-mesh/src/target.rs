@@ -40,26 +40,61 @@ impl PlacedMesh<'_> {
     /// # Errors
     /// [`MeshError::Cancelled`].
     pub fn surface_colors(&self, surface: &Surface, control: &Control) -> Result<Vec<[f32; 3]>, MeshError> {
+        let opaque = |_: u32, _: [f64; 3], _: f64| false;
+        let color =
+            |t: u32, weights: [f64; 3], footprint_m: f64| self.model().color_at(t, weights, footprint_m);
+        self.looks(surface, opaque, color, control)
+    }
+
+    /// The colours of [`surface_colors`], and whether the mesh is see-through there ([`Model::is_clear_at`]). Decals and
+    /// what covers others are looked through where they are see-through.
+    ///
+    /// # Errors
+    /// [`MeshError::Cancelled`].
+    pub fn surface_looks(
+        &self,
+        surface: &Surface,
+        control: &Control,
+    ) -> Result<Vec<([f32; 3], bool)>, MeshError> {
+        let model = self.model();
+        let clear = |t: u32, weights: [f64; 3], footprint_m: f64| model.is_clear_at(t, weights, footprint_m);
+        let look = |t: u32, weights: [f64; 3], footprint_m: f64| {
+            (model.color_at(t, weights, footprint_m), model.is_clear_at(t, weights, footprint_m))
+        };
+        self.looks(surface, clear, look, control)
+    }
+
+    /// What `look` says of the place on the mesh that each surface voxel shows: triangle, barycentric weights, and how
+    /// wide a patch of the mesh that is in metres.
+    fn looks<T: Copy + Default + Send>(
+        &self,
+        surface: &Surface,
+        clear: impl Fn(u32, [f64; 3], f64) -> bool + Sync,
+        look: impl Fn(u32, [f64; 3], f64) -> T + Sync,
+        control: &Control,
+    ) -> Result<Vec<T>, MeshError> {
         let nearest = NearestTriangle::build(self);
         let pitch = surface.frame().pitch();
         let diagonal = length(pitch.mm());
         let done = AtomicU64::new(0);
-        let mut colors = vec![[0f32; 3]; surface.len()];
-        let chunks = colors.par_chunks_mut(CHUNK).zip(surface.voxels().par_chunks(CHUNK));
+        let mut looks = vec![T::default(); surface.len()];
+        let chunks = looks.par_chunks_mut(CHUNK).zip(surface.voxels().par_chunks(CHUNK));
         chunks.zip(surface.normals().par_chunks(CHUNK)).try_for_each(|((out, voxels), normals)| {
             control.check()?;
-            for ((color, voxel), normal) in out.iter_mut().zip(voxels).zip(normals) {
+            for ((out, voxel), normal) in out.iter_mut().zip(voxels).zip(normals) {
                 let p = surface.frame().centre_mm(voxel.map(i64::from));
-                let below = nearest.find(p, normal.map(f64::from), diagonal);
-                let (triangle, barycentric) =
-                    nearest.cover(below, p, normal.map(f64::from), surface).unwrap_or(below);
                 let footprint_m = patch_area_mm2(pitch, *normal).sqrt() / self.placement().mm_per_m();
-                *color = self.model().color_at(triangle, barycentric, footprint_m);
+                let clear = |t: u32, weights: [f64; 3]| clear(t, weights, footprint_m);
+                let normal = normal.map(f64::from);
+                let below = nearest.find(p, normal, diagonal, clear);
+                let (triangle, barycentric) =
+                    nearest.cover(below, p, normal, surface, clear).unwrap_or(below);
+                *out = look(triangle, barycentric, footprint_m);
             }
             control.advance(&done, voxels.len() as u64, surface.len() as u64);
             Ok::<(), MeshError>(())
         })?;
-        Ok(colors)
+        Ok(looks)
     }
 }
 

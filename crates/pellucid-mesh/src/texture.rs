@@ -72,6 +72,8 @@ enum Texels {
     Srgb8(Vec<[u8; 3]>),
     /// Linear, 16 bits a channel.
     Linear16(Vec<[u16; 3]>),
+    /// Linear, the same in every channel.
+    Grey8(Vec<u8>),
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -87,6 +89,7 @@ impl Level {
         match &self.texels {
             Texels::Srgb8(t) => t[i].map(|c| f64::from(SRGB_TO_LINEAR[usize::from(c)])),
             Texels::Linear16(t) => t[i].map(|c| f64::from(c) / 65535.0),
+            Texels::Grey8(t) => [f64::from(t[i]) / 255.0; 3],
         }
     }
 
@@ -108,7 +111,13 @@ impl Level {
                 *texel = sum.map(|c| (c * 65535.0).round() as u16);
             }
         });
-        Level { width, height, texels: Texels::Linear16(texels) }
+        let texels = match self.texels {
+            Texels::Grey8(_) => {
+                Texels::Grey8(texels.iter().map(|t| ((u32::from(t[0]) + 128) / 257) as u8).collect())
+            }
+            _ => Texels::Linear16(texels),
+        };
+        Level { width, height, texels }
     }
 }
 
@@ -150,6 +159,14 @@ impl Image {
         Self::new(width, height, texels.len(), Texels::Linear16(texels))
     }
 
+    /// From linear grey texels `[y][x]` (255 is 1), row 0 at v = 0: opacities, read as three equal channels.
+    ///
+    /// # Errors
+    /// [`MeshError::Invalid`] if a side is 0 or the length is not width x height.
+    pub fn from_linear_grey8(width: u32, height: u32, texels: Vec<u8>) -> Result<Self, MeshError> {
+        Self::new(width, height, texels.len(), Texels::Grey8(texels))
+    }
+
     fn new(width: u32, height: u32, len: usize, texels: Texels) -> Result<Self, MeshError> {
         if width == 0 || height == 0 || (width as usize).checked_mul(height as usize) != Some(len) {
             return Err(MeshError::invalid(
@@ -173,6 +190,11 @@ impl Image {
         // Each level has at most a quarter of the one above, or half of it once a side is 1.
         let chain = pixels.div_ceil(3) + u64::from(width.max(height));
         pixels * if sixteen_bit { 6 } else { 3 } + chain * 6
+    }
+
+    /// Upper bound on the bytes of an image of grey texels with its mip chain.
+    pub fn grey_bytes(width: u32, height: u32) -> u64 {
+        Self::bytes(width, height, true) / 6 + 1
     }
 
     /// Width and height of level 0 in texels.
@@ -209,6 +231,7 @@ impl Texture {
             Texels::Linear16(texels) => {
                 texels.iter().flatten().for_each(|v| digest.add(&v.to_le_bytes()));
             }
+            Texels::Grey8(texels) => digest.add(texels),
         }
     }
 
@@ -335,60 +358,4 @@ fn principal_axes(axes: [[f64; 2]; 2]) -> ([f64; 2], f64) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_stated_size_covers_the_mip_chain() {
-        for (width, height) in [(1, 1), (16, 4), (5, 3), (1, 64), (31, 2), (64, 64), (1000, 3), (7, 129)] {
-            let image = Image::from_srgb8(width, height, vec![[0; 3]; (width * height) as usize]).unwrap();
-            let held: usize = image
-                .levels
-                .iter()
-                .map(|l| match &l.texels {
-                    Texels::Srgb8(t) => 3 * t.len(),
-                    Texels::Linear16(t) => 6 * t.len(),
-                })
-                .sum();
-            assert!(held as u64 <= Image::bytes(width, height, false), "{width} x {height}");
-        }
-    }
-
-    #[test]
-    fn every_level_keeps_the_mean() {
-        // Odd sides too, where two by two texels would leave a row out.
-        let (width, height) = (13, 6);
-        let texels: Vec<[u16; 3]> =
-            (0..width * height).map(|i| [(i * 797) as u16, (i * i * 11) as u16, 65535]).collect();
-        let image = Image::from_linear16(width, height, texels).unwrap();
-        let mean = |l: &Level| -> [f64; 3] {
-            let mut sum = [0.0; 3];
-            for y in 0..l.height {
-                for x in 0..l.width {
-                    let t = l.texel(x, y);
-                    (0..3).for_each(|c| sum[c] += t[c] / f64::from(l.width * l.height));
-                }
-            }
-            sum
-        };
-        let expected = mean(&image.levels[0]);
-        assert_eq!(image.levels.last().map(|l| (l.width, l.height)), Some((1, 1)));
-        for level in &image.levels[1..] {
-            let found = mean(level);
-            assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-4), "{found:?} is not {expected:?}");
-        }
-    }
-
-    #[test]
-    fn principal_axes_of_a_turned_ellipse() {
-        // Conjugate axes of an ellipse of 3 by 1 turned by 0.6, themselves turned by any angle.
-        let (sin, cos) = 0.6f64.sin_cos();
-        for angle in [0.0f64, 0.4, 1.3, 2.9] {
-            let (s, c) = angle.sin_cos();
-            let axis = |a: f64, b: f64| [3.0 * a * cos - b * sin, 3.0 * a * sin + b * cos];
-            let (long, short) = principal_axes([axis(c, s), axis(-s, c)]);
-            assert!((long[0] - 3.0 * cos).abs() < 1e-9 && (long[1] - 3.0 * sin).abs() < 1e-9, "{long:?}");
-            assert!((short - 1.0).abs() < 1e-9);
-        }
-    }
-}
+mod tests;

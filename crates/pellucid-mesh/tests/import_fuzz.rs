@@ -8,7 +8,7 @@ mod common;
 
 use common::Random;
 use glb::*;
-use pellucid_mesh::{ImportLimits, Model, import_slice};
+use pellucid_mesh::{ImportLimits, ImportOptions, Model, import_slice};
 use rand_core::Rng;
 use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
@@ -32,6 +32,8 @@ fn textured() -> Glb {
     glb.at("/materials/0/pbrMetallicRoughness/baseColorTexture")["extensions"] =
         json!({"KHR_texture_transform": {"offset": [0.5, 0], "rotation": 1, "scale": [2, 2], "texCoord": 0}});
     glb.push("extensionsUsed", "KHR_texture_transform".into());
+    glb.at("/materials/0")["alphaMode"] = "MASK".into();
+    glb.at("/materials/0")["alphaCutoff"] = 0.4.into();
     glb
 }
 
@@ -236,8 +238,10 @@ fn check(model: &Model, limits: &ImportLimits) {
         for footprint in [0.0, 0.1] {
             let color = model.color_at(i as u32, [0.25, 0.25, 0.5], footprint);
             assert!(color.iter().all(|c| (0.0..=1.0).contains(c)), "{color:?}");
+            model.is_clear_at(i as u32, [0.25, 0.25, 0.5], footprint);
         }
     }
+    assert_eq!(model.clear_bodies().len(), model.triangles().len());
 }
 
 /// The most address space this process ever held, in bytes; reserved but untouched memory counts.
@@ -264,11 +268,13 @@ fn damaged_models_neither_panic_nor_swell() {
         let bytes = pack(seed.json.to_string().as_bytes(), Some(&seed.bin));
         check(&import_slice("seed", &bytes, None, &limits).unwrap(), &limits);
     }
+    let options = |opacity| ImportOptions { opacity, ..ImportOptions::from(limits) };
     let before = peak_address_space();
     let (mut imported, mut refused) = (0, 0);
     for number in 0..MUTANTS {
         let mut random = Random(Pcg64Mcg::new(0x0570_1e55 + u128::from(number)));
-        match import_slice("mutant", &mutant(&seeds, &mut random), None, &limits) {
+        let mutant = mutant(&seeds, &mut random);
+        match options(number % 2 == 0).import_slice("mutant", &mutant, None) {
             Ok(model) => {
                 check(&model, &limits);
                 imported += 1;

@@ -40,6 +40,9 @@ pub struct Trial {
 pub struct Choice {
     /// The predictor with the least time for equal error, if errors fell as paths' do.
     pub chosen: PredictorKind,
+    /// Why, for people: what the trials found, or why the network does not fit.
+    #[serde(default)]
+    pub reason: String,
     /// The trials; none where there is nothing to choose from.
     pub trials: Vec<Trial>,
 }
@@ -48,7 +51,19 @@ impl Choice {
     fn of(trials: Vec<Trial>) -> Self {
         let cost = |t: &Trial| t.seconds * t.error * t.error;
         let best = trials.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
-        Self { chosen: best.map_or(PredictorKind::MonteCarlo, |t| t.predictor), trials }
+        let chosen = best.map_or(PredictorKind::MonteCarlo, |t| t.predictor);
+        let pass = |t: &Trial| {
+            format!("{} takes {:.1} s at an error of {:.3}", t.predictor.name(), t.seconds, t.error)
+        };
+        let passes: Vec<String> = trials.iter().map(pass).collect();
+        let reason = format!("it takes least time for equal error: over the surface {}", passes.join(", "));
+        Self { chosen, reason, trials }
+    }
+
+    /// The path tracer, since the network does not fit.
+    fn without_network(reason: &str) -> Self {
+        let reason = format!("the network does not fit: {reason}");
+        Self { chosen: PredictorKind::MonteCarlo, reason, trials: Vec::new() }
     }
 }
 
@@ -113,31 +128,21 @@ impl Patches {
 
 impl PrintJob {
     /// Tries the predictors that this build and the settings have on an object. The choice depends on the machine; a
-    /// job keeps it, and its record names what was chosen.
+    /// job keeps it, and its record names what was chosen. A network that was not trained for the job's voxels, boundary
+    /// or materials is not tried: paths are taken, and [`Choice::reason`] says so.
     ///
     /// # Errors
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
     pub fn choose(&self, aimed: &Aimed, control: &Control<'_>) -> Result<Choice, PrintError> {
-        let mut candidates: Vec<(PredictorKind, Arc<dyn Predictor>)> = Vec::new();
-        for kind in [PredictorKind::MonteCarlo, PredictorKind::Rpnn] {
-            let settings = crate::PrintSettings { predictor: kind, ..self.settings().clone() };
-            let predictor = match predictors::predictor(&settings) {
-                Err(PrintError::Unsupported(_) | PrintError::Predict(PredictError::Unsupported(_))) => {
-                    continue;
-                }
-                other => other?,
-            };
-            match predictor.supports(&aimed.object) {
-                Err(PredictError::Unsupported(_)) => {}
-                supported => {
-                    supported?;
-                    candidates.push((kind, predictor));
-                }
+        let network = match self.network_for(aimed) {
+            Err(PrintError::Unsupported(fault) | PrintError::Predict(PredictError::Unsupported(fault))) => {
+                return Ok(Choice::without_network(&fault.to_string()));
             }
-        }
-        if candidates.len() < 2 {
-            return Ok(Choice::of(Vec::new()));
-        }
+            other => other?,
+        };
+        let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };
+        let candidates =
+            [(PredictorKind::MonteCarlo, predictors::predictor(&paths)?), (PredictorKind::Rpnn, network)];
         let labels = self.halftone(aimed, control)?;
         let patches = Patches::new(&aimed.object, self.settings().seed);
         let channels = aimed.object.channels();
@@ -172,6 +177,15 @@ impl PrintJob {
         Ok(Choice::of(trials))
     }
 
+    /// The network as the settings have it, if it was trained for such an object.
+    fn network_for(&self, aimed: &Aimed) -> Result<Arc<dyn Predictor>, PrintError> {
+        let settings = crate::PrintSettings { predictor: PredictorKind::Rpnn, ..self.settings().clone() };
+        let network = predictors::predictor(&settings)?;
+        network.supports(&aimed.object)?;
+        predictors::check_range(&settings, aimed.object.materials())?;
+        Ok(network)
+    }
+
     /// The halftone that refinement starts from.
     fn halftone(&self, aimed: &Aimed, control: &Control<'_>) -> Result<LabelGrid, PrintError> {
         let (settings, strategy) = (self.settings().refine.clone(), self.settings().surface_first.clone());
@@ -191,6 +205,7 @@ mod tests {
         assert_eq!(Choice::of(vec![trial(mc, 4.0, 0.02), trial(rpnn, 1.0, 0.02)]).chosen, rpnn);
         assert_eq!(Choice::of(vec![trial(mc, 4.0, 0.02), trial(rpnn, 1.0, 0.05)]).chosen, mc);
         assert_eq!(Choice::of(vec![trial(mc, 4.0, 0.02)]).chosen, mc);
-        assert_eq!(Choice::of(Vec::new()).chosen, mc);
+        let none = Choice::without_network("pitch: 0.1 mm");
+        assert!(none.chosen == mc && none.reason.contains("does not fit: pitch"), "{}", none.reason);
     }
 }

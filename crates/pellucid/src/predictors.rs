@@ -3,10 +3,17 @@
 use std::sync::Arc;
 
 #[cfg(feature = "rpnn")]
+use pellucid_core::Fault;
+#[cfg(feature = "rpnn")]
 use pellucid_predict::PredictError;
 use pellucid_predict::{MonteCarlo, Predictor, WithGradient};
+use pellucid_voxel::MaterialTable;
 
 use crate::{GradientKind, PredictorKind, PrintError, PrintSettings, StrategyKind};
+
+/// Coefficients that exceed the trained range by less are taken for equal.
+#[cfg(feature = "rpnn")]
+const SLACK: f64 = 1.01;
 
 /// The path tracer with `spp` paths a point and channel.
 pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCarlo, PrintError> {
@@ -67,6 +74,33 @@ pub(crate) fn network(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, Pr
         None => Ok(Arc::new(network)),
         Some(device) => in_candle(settings, &network, device),
     }
+}
+
+/// Tells whether the network was trained with coefficients as far apart as those of the materials.
+#[cfg(feature = "rpnn")]
+pub(crate) fn check_range(settings: &PrintSettings, materials: &MaterialTable) -> Result<(), PrintError> {
+    let network = on_own_kernels(settings)?;
+    let trained = &network.trained().provenance;
+    for material in materials.materials() {
+        let coefficients = [
+            ("scattering", &material.sigma_s, trained.sigma_s_range),
+            ("absorption", &material.sigma_a, trained.sigma_a_range),
+        ];
+        for (what, values, [least, most]) in coefficients {
+            let outside = |v: &&f32| !(least / SLACK..=most * SLACK).contains(&f64::from(**v));
+            if let Some(value) = values.iter().find(outside) {
+                let reason = format!("{value} per mm; the network was trained for {least:.4} to {most:.1}");
+                let subject = format!("{what} of {:?}", material.name);
+                return Err(PrintError::Unsupported(Fault::new(subject, reason)));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(not(feature = "rpnn"))]
+pub(crate) fn check_range(_: &PrintSettings, _: &MaterialTable) -> Result<(), PrintError> {
+    Err(no_network("this build has no network; build with the feature \"weights\""))
 }
 
 #[cfg(feature = "candle")]

@@ -7,7 +7,7 @@ use pellucid_refine::{Evaluation, RefineReport};
 use serde::{Deserialize, Serialize};
 
 use crate::choice::Choice;
-use crate::job::TextureReport;
+use crate::job::{ClearReport, TextureReport};
 use crate::record::Record;
 
 pub use crate::error_histogram::ErrorHistogram;
@@ -117,6 +117,9 @@ pub struct Report {
     /// What was tried, where the settings left the predictor open.
     #[serde(default)]
     pub choice: Option<Choice>,
+    /// What is printed in clear resin, where that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clear: Option<ClearReport>,
     /// The compensated texture, where that was written instead of slices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture: Option<TextureReport>,

@@ -117,6 +117,13 @@ pub struct PrintSettings {
     pub format: Container,
     /// Print materials, over any channels; one is named `white`.
     pub materials: MaterialTable,
+    /// Print what is see-through in clear resin: where the model's alpha lies below one half (or a glTF's `alphaCutoff`).
+    /// Bodies that are see-through throughout become clear, and others 5 mm deep below their see-through places. It takes
+    /// a model imported with [`ImportOptions::opacity`](pellucid_mesh::ImportOptions::opacity), and a printer with a
+    /// material `clear`, which is added to the material table where that has none. Colours are those of the opaque
+    /// voxels, seen as through air.
+    #[serde(skip_serializing_if = "is_false")]
+    pub clear_from_alpha: bool,
     /// Refractive index of the printed surface; 1 is index-matched.
     pub refractive_index: f64,
     /// The light that a print of many bands is looked at; R, G, B need none.
@@ -178,6 +185,11 @@ fn is_png(format: &Container) -> bool {
     *format == Container::Png
 }
 
+/// Records of prints without clear parts do not say so, as before there were any.
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
 impl Default for PrintSettings {
     fn default() -> Self {
         Self {
@@ -185,6 +197,7 @@ impl Default for PrintSettings {
             printer: PrintTarget::j750(),
             format: Container::Png,
             materials: MaterialTable::cmykw(),
+            clear_from_alpha: false,
             refractive_index: 1.5,
             illuminant: Illuminant::default(),
             also_under: Vec::new(),
@@ -243,6 +256,12 @@ impl PrintSettings {
                     "further lights need materials of 4 or more bands, and the strategy descent",
                 ));
             }
+        }
+        if self.clear_from_alpha && self.strategy == StrategyKind::SurfaceColor {
+            return Err(PrintError::invalid(
+                "clear_from_alpha",
+                "a compensated texture has no clear parts; write slices, with another strategy",
+            ));
         }
         self.refine.check()?;
         self.surface_first.check()?;

@@ -1,6 +1,7 @@
 //! The command line as a user meets it.
 
 mod calibrate;
+mod clear;
 mod common;
 mod prepare;
 mod proof;

@@ -28,6 +28,7 @@ fn help_names_every_command_and_option() {
         "--printer",
         "--format",
         "--materials",
+        "--clear-from-alpha",
         "--refractive-index",
         "--predictor",
         "--weights",

@@ -4,6 +4,7 @@
 //! the half-space radiance per channel. [`MixtureModel`] computes it with derivatives,
 //! [`inverse`] finds the fractions of a colour exactly, and [`table`] tabulates that for speed.
 
+mod check;
 mod fractions;
 pub mod inverse;
 mod simplex;
@@ -86,7 +87,7 @@ impl MixtureModel {
         to_rgb: [Vec<f64>; 3],
     ) -> Result<Self, ColorError> {
         let (count, channels) = (table.len(), table.channels());
-        let white = check(table, white, &to_rgb)?;
+        let white = check::checked(table, white, &to_rgb)?;
         let mut absorption = vec![[0.0; MAX_MATERIALS]; channels];
         let mut reduced = absorption.clone();
         let mut scattering = absorption.clone();
@@ -96,12 +97,6 @@ impl MixtureModel {
                 let g = f64::from(material.g.at(channel));
                 (g_low, g_high) = (g_low.min(g), g_high.max(g));
                 let (s, a) = (f64::from(material.sigma_s[channel]), f64::from(material.sigma_a[channel]));
-                if s + a == 0.0 {
-                    return Err(ColorError::invalid(
-                        format!("material {:?}", material.name),
-                        "neither scatters nor absorbs; clear resin cannot be part of a colour mixture",
-                    ));
-                }
                 absorption[channel][i] = a;
                 reduced[channel][i] = (1.0 - g) * s;
                 scattering[channel][i] = s;
@@ -366,27 +361,6 @@ impl MixtureModel {
         }
         value
     }
-}
-
-/// Checks the number of materials and the rows; the white's position in label order.
-fn check(table: &MaterialTable, white: &str, to_rgb: &[Vec<f64>; 3]) -> Result<usize, ColorError> {
-    let (count, channels) = (table.len(), table.channels());
-    let label = table
-        .label_of(white)
-        .ok_or_else(|| ColorError::invalid("white", format!("no material is named {white:?}")))?;
-    if count < 2 {
-        return Err(ColorError::invalid("materials", "a mixture needs at least 2"));
-    }
-    if count > MAX_MATERIALS {
-        return Err(ColorError::unsupported(
-            format!("a mixture of {count} materials"),
-            format!("keep to {MAX_MATERIALS}"),
-        ));
-    }
-    if to_rgb.iter().any(|row| row.len() != channels || row.iter().any(|v| !v.is_finite())) {
-        return Err(ColorError::invalid("weights", format!("need {channels} finite values a row")));
-    }
-    Ok(usize::from(label) - 1)
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@
 //! millimetres by habit; what scans and prints stands on the xy plane, while OBJ comes from modelling
 //! programs, which write y up. [`ImportOptions`] says otherwise, and [`Model::read_as`] what was taken.
 //!
+//! All is opaque, unless [`ImportOptions::opacity`] asks to keep what the file says of it.
+//!
 //! Refused with the place (line, element, object) and a remedy: file names and URIs that leave the
 //! model's folder, textures other than PNG and JPEG (and WebP with the feature `webp`), numbers that
 //! are not finite, anything past [`ImportLimits`], and every reference or value out of range. What is

@@ -19,11 +19,14 @@ pub struct ImportOptions {
     /// Colour, linear Rec.709 in 0..1, of whatever the file gives none: all of an STL, and what has no
     /// material in the others. White by default. (What has no material in a glTF is white.)
     pub color: [f32; 3],
+    /// Keep how opaque the model is ([`Model::opacity`](crate::Model::opacity)); without it all of it is opaque, and
+    /// [notes](crate::Model::notes) say where that leaves something out.
+    pub opacity: bool,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { limits: ImportLimits::default(), unit: None, up: None, color: [1.0; 3] }
+        Self { limits: ImportLimits::default(), unit: None, up: None, color: [1.0; 3], opacity: false }
     }
 }
 

@@ -7,11 +7,14 @@
 )]
 
 use std::collections::BTreeMap;
+#[cfg(feature = "obj")]
 use std::sync::Arc;
 
+use super::picture::Decoded;
 use super::source::Source;
 use super::{ReadAs, picture};
-use crate::texture::{Image, Sampler, Texture, srgb_to_linear};
+use crate::opacity::{HALF, Opacity};
+use crate::texture::{Sampler, Texture, srgb_to_linear};
 use crate::{BaseColor, MeshError, Model, Triangle, Vertex};
 
 /// The mesh as it grows.
@@ -22,7 +25,11 @@ pub(super) struct Parts<'s, 'a> {
     triangles: Vec<Triangle>,
     materials: Vec<BaseColor>,
     textures: Vec<Texture>,
-    images: BTreeMap<String, Arc<Image>>,
+    images: BTreeMap<String, Decoded>,
+    /// Of textures that are see-through somewhere, the texture of their opacity.
+    opacities: BTreeMap<u32, u32>,
+    /// One a material, if opacity counts.
+    opacity: Vec<Option<Opacity>>,
     texture_budget: u64,
     /// Triangles whose corners are not three.
     collapsed: usize,
@@ -38,6 +45,8 @@ impl<'s, 'a> Parts<'s, 'a> {
             materials: Vec::new(),
             textures: Vec::new(),
             images: BTreeMap::new(),
+            opacities: BTreeMap::new(),
+            opacity: Vec::new(),
             texture_budget: source.limits.texture_bytes,
             collapsed: 0,
         }
@@ -49,11 +58,12 @@ impl<'s, 'a> Parts<'s, 'a> {
         object: impl FnOnce() -> String,
         position: [f64; 3],
         uv: [f32; 2],
-        [r, g, b]: [f32; 3],
+        [r, g, b, a]: [f32; 4],
     ) -> Result<u32, MeshError> {
         admit_vertex(self.source, self.vertices.len(), object)?;
         let position_m = self.read_as.to_print_m(position);
-        self.vertices.push(Vertex { position_m, uv, color: [r, g, b, 1.0] });
+        let a = if self.source.options.opacity { a } else { 1.0 };
+        self.vertices.push(Vertex { position_m, uv, color: [r, g, b, a] });
         Ok(self.vertices.len() as u32 - 1)
     }
 
@@ -77,10 +87,32 @@ impl<'s, 'a> Parts<'s, 'a> {
 
     /// Adds a material of one linear colour, by which a texture or vertex colours are multiplied. It
     /// shows from both sides: formats other than glTF know no other kind.
-    pub fn material(&mut self, name: &str, [r, g, b]: [f32; 3], texture: Option<u32>) -> u32 {
-        let factor = [r, g, b, 1.0];
+    #[cfg(any(feature = "ply", feature = "stl", feature = "3mf"))]
+    pub fn material(&mut self, name: &str, rgb: [f32; 3], texture: Option<u32>) -> u32 {
+        let opacity = texture.and_then(|t| self.opacities.get(&t).copied());
+        self.translucent(name, rgb, texture, 1.0, opacity)
+    }
+
+    /// The same with an opacity, which one of a texture multiplies.
+    pub fn translucent(
+        &mut self,
+        name: &str,
+        [r, g, b]: [f32; 3],
+        texture: Option<u32>,
+        alpha: f32,
+        opacity: Option<u32>,
+    ) -> u32 {
+        let counts = self.source.options.opacity;
+        let factor = [r, g, b, if counts { alpha } else { 1.0 }];
         self.materials.push(BaseColor { name: name.to_owned(), factor, texture, double_sided: true });
+        self.opacity.push(counts.then_some(Opacity { texture: opacity, threshold: HALF }));
         self.materials.len() as u32 - 1
+    }
+
+    /// The opacity of a texture that was added, if it is see-through somewhere.
+    #[cfg(feature = "obj")]
+    pub fn opacity_of(&self, texture: u32) -> Option<u32> {
+        self.opacities.get(&texture).copied()
     }
 
     /// Adds a texture of the image that `key` names, decoded the first time; `load` gives its bytes.
@@ -91,17 +123,34 @@ impl<'s, 'a> Parts<'s, 'a> {
         sampler: Sampler,
         load: impl FnOnce(&Source<'a>) -> Result<Vec<u8>, MeshError>,
     ) -> Result<u32, MeshError> {
-        let image = match self.images.get(key) {
+        let decoded = match self.images.get(key) {
             Some(known) => known.clone(),
             None => {
                 let bytes = load(self.source)?;
-                let image = picture::decode(self.source, object, &bytes, &mut self.texture_budget)?;
-                let image = Arc::new(image);
-                self.images.insert(key.to_owned(), image.clone());
-                image
+                let decoded = picture::decode(self.source, object, &bytes, &mut self.texture_budget)?;
+                self.images.insert(key.to_owned(), decoded.clone());
+                decoded
             }
         };
-        self.textures.push(Texture::new(image, sampler));
+        self.textures.push(Texture::new(decoded.image, sampler));
+        let texture = self.textures.len() as u32 - 1;
+        if let Some(opacity) = decoded.opacity {
+            self.textures.push(Texture::new(opacity, sampler));
+            self.opacities.insert(texture, texture + 1);
+        }
+        Ok(texture)
+    }
+
+    /// Adds a texture of opacities: an image's alpha, or its lightness where it has none.
+    #[cfg(feature = "obj")]
+    pub fn opacity_texture(
+        &mut self,
+        object: &str,
+        bytes: &[u8],
+        sampler: Sampler,
+    ) -> Result<u32, MeshError> {
+        let image = picture::decode_opacity(self.source, object, bytes, &mut self.texture_budget)?;
+        self.textures.push(Texture::new(Arc::new(image), sampler));
         Ok(self.textures.len() as u32 - 1)
     }
 
@@ -115,6 +164,10 @@ impl<'s, 'a> Parts<'s, 'a> {
             return Err(source.invalid("model", "it has no triangles", none));
         }
         let model = Model::new(source.file, self.vertices, self.triangles, self.materials, self.textures)?;
+        let model = match source.options.opacity {
+            true => model.with_opacity(self.opacity)?,
+            false => model,
+        };
         Ok(model.with_read_as(self.read_as))
     }
 }

@@ -1,6 +1,7 @@
 //! PNG and JPEG (and, with the feature `webp`, WebP) decoding within the limits: header first, pixels after.
 
 use std::io::Cursor;
+use std::sync::Arc;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
@@ -13,6 +14,14 @@ pub(super) const PLAIN: &str = "export the model with its textures as PNG or JPE
 /// What a decoder may allocate beside the pixels.
 const DECODER_BYTES: u64 = 64 << 20;
 
+/// A decoded picture.
+#[derive(Clone)]
+pub(super) struct Decoded {
+    pub image: Arc<Image>,
+    /// Its alpha, if opacity counts and it is not 1 everywhere.
+    pub opacity: Option<Arc<Image>>,
+}
+
 /// Decodes an image that errors call `object`, charging its size to `budget` (bytes left for all
 /// textures).
 pub(super) fn decode(
@@ -20,7 +29,67 @@ pub(super) fn decode(
     object: &str,
     bytes: &[u8],
     budget: &mut u64,
+) -> Result<Decoded, MeshError> {
+    let counts = source.options.opacity;
+    let picture = open(source, object, bytes, budget, |width, height, color| {
+        let alpha = if counts && color.has_alpha() { Image::grey_bytes(width, height) } else { 0 };
+        Image::bytes(width, height, is_deep(color)) + alpha
+    })?;
+    let (width, height) = (picture.width(), picture.height());
+    let opacity = match counts && picture.color().has_alpha() {
+        true => alphas(&picture).filter(|a| a.iter().any(|&a| a < u8::MAX)),
+        false => None,
+    };
+    let opacity = opacity.map(|alphas| Image::from_linear_grey8(width, height, alphas)).transpose()?;
+    let image = if is_deep(picture.color()) {
+        let texels = picture.into_rgb16().pixels().map(|p| p.0.map(linear16)).collect();
+        Image::from_linear16(width, height, texels)
+    } else {
+        let texels = picture.into_rgb8().into_raw();
+        let (rgb, _) = texels.as_chunks::<3>();
+        Image::from_srgb8(width, height, rgb.to_vec())
+    };
+    Ok(Decoded { image: Arc::new(image?), opacity: opacity.map(Arc::new) })
+}
+
+/// Decodes an image of opacities: its alpha, or its values, as they stand, where it has none.
+#[cfg(feature = "obj")]
+pub(super) fn decode_opacity(
+    source: &Source,
+    object: &str,
+    bytes: &[u8],
+    budget: &mut u64,
 ) -> Result<Image, MeshError> {
+    let picture = open(source, object, bytes, budget, |width, height, _| Image::grey_bytes(width, height))?;
+    let (width, height) = (picture.width(), picture.height());
+    let texels = alphas(&picture).unwrap_or_else(|| picture.into_luma8().into_raw());
+    Image::from_linear_grey8(width, height, texels)
+}
+
+/// The alpha of each pixel, of pictures that have it.
+fn alphas(picture: &DynamicImage) -> Option<Vec<u8>> {
+    let deep = |v: u16| ((u32::from(v) + 128) / 257) as u8;
+    Some(match picture {
+        DynamicImage::ImageLumaA8(p) => p.pixels().map(|p| p.0[1]).collect(),
+        DynamicImage::ImageRgba8(p) => p.pixels().map(|p| p.0[3]).collect(),
+        DynamicImage::ImageLumaA16(p) => p.pixels().map(|p| deep(p.0[1])).collect(),
+        DynamicImage::ImageRgba16(p) => p.pixels().map(|p| deep(p.0[3])).collect(),
+        _ => return None,
+    })
+}
+
+fn is_deep(color: ColorType) -> bool {
+    matches!(color, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16)
+}
+
+/// Decodes a picture within the limits; `cost` says from its size and kind what its textures take.
+fn open(
+    source: &Source,
+    object: &str,
+    bytes: &[u8],
+    budget: &mut u64,
+    cost: impl Fn(u32, u32, ColorType) -> u64,
+) -> Result<DynamicImage, MeshError> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
         Ok(ImageFormat::WebP) if cfg!(feature = "webp") => ImageFormat::WebP,
@@ -60,25 +129,13 @@ pub(super) fn decode(
         let reason = format!("{width} x {height} pixels, the limit is {}", limits.texture_pixels);
         return Err(too_large(reason, "texture_pixels"));
     }
-    let deep = matches!(
-        decoder.color_type(),
-        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
-    );
-    let cost = Image::bytes(width, height, deep);
+    let cost = cost(width, height, decoder.color_type());
     if cost > *budget {
         let reason = format!("it takes {cost} bytes decoded; {budget} of {} are left", limits.texture_bytes);
         return Err(too_large(reason, "texture_bytes"));
     }
     *budget -= cost;
-    let picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    if deep {
-        let texels = picture.into_rgb16().pixels().map(|p| p.0.map(linear16)).collect();
-        Image::from_linear16(width, height, texels)
-    } else {
-        let texels = picture.into_rgb8().into_raw();
-        let (rgb, _) = texels.as_chunks::<3>();
-        Image::from_srgb8(width, height, rgb.to_vec())
-    }
+    DynamicImage::from_decoder(decoder).map_err(undecodable)
 }
 
 /// Linear value of a 16-bit sRGB-encoded one.

@@ -1,6 +1,7 @@
 //! Import of the formats beside glTF through the public API.
 #![cfg(all(feature = "obj", feature = "ply", feature = "stl", feature = "3mf"))]
 
+mod clear;
 #[path = "../common/mod.rs"]
 mod common;
 mod conformance;

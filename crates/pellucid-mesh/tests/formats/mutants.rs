@@ -119,7 +119,9 @@ fn check(model: &Model) {
         assert!(triangle.vertices.iter().all(|&v| (v as usize) < model.vertices().len()));
         let color = model.color_at(i as u32, [0.25, 0.25, 0.5], 0.1);
         assert!(color.iter().all(|c| (0.0..=1.0).contains(c)), "{color:?}");
+        model.is_clear_at(i as u32, [0.25, 0.25, 0.5], 0.1);
     }
+    assert_eq!(model.clear_bodies().len(), model.triangles().len());
 }
 
 /// The most address space this process ever held, in bytes; reserved but untouched memory counts.
@@ -136,9 +138,9 @@ fn torture(
     seeds: &[Vec<u8>],
     mut mutate: impl FnMut(&[u8], &mut Random) -> Vec<u8>,
 ) {
-    let options = ImportOptions::from(LIMITS);
+    let options = |opacity| ImportOptions { opacity, ..ImportOptions::from(LIMITS) };
     for seed in seeds {
-        let model = options.import_slice(name, seed, folder);
+        let model = options(true).import_slice(name, seed, folder);
         check(&model.unwrap_or_else(|e| panic!("the seed is sound: {e}")));
     }
     let before = peak_address_space();
@@ -147,7 +149,7 @@ fn torture(
         let mut random = Random(Pcg64Mcg::new(0x0570_1e55 + u128::from(number)));
         let seed = &seeds[random.below(seeds.len())];
         let mutant = mutate(seed, &mut random);
-        match options.import_slice(name, &mutant, folder) {
+        match options(number % 2 == 0).import_slice(name, &mutant, folder) {
             Ok(model) => {
                 check(&model);
                 imported += 1;
@@ -205,7 +207,8 @@ fn damaged_obj_files_neither_panic_nor_swell() {
 fn damaged_material_libraries_neither_panic_nor_swell() {
     let (text, mtl) = obj(&small(true), true);
     let other = "newmtl other\nKd spectral x\nKd 0.5\nmap_Kd -clamp on -o 1 2 -mm 0 1 -s 1 1 1 \"skin.png\"\nTr 0.5\nKe 1\n";
-    let mtl = (mtl.repeat(2) + other).into_bytes();
+    let see_through = mtl.replacen("map_Kd", "d 0.4\nTr 0.2\nmap_d -o 1 0 skin.png\nmap_Kd", 1);
+    let mtl = (see_through + &mtl + other).into_bytes();
     let folder = folder("");
     let library = folder.path().join("scene.mtl");
     fs::write(&library, &mtl).unwrap();
@@ -228,6 +231,13 @@ fn damaged_ply_files_neither_panic_nor_swell() {
         seeds.push(ply(&small(true), encoding, PlyColors::Texture));
         seeds.push(ply(&small(true), encoding, PlyColors::Wedges));
     }
+    seeds.push(
+        b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+        property uchar r\nproperty uchar g\nproperty uchar b\nproperty float a\nelement face 2\n\
+        property list uchar int vertex_index\nend_header\n0 0 0 9 9 9 .2\n5 0 0 9 9 9 1\n5 5 0 9 9 9 .1\n\
+        0 5 1 9 9 9 0\n3 0 1 2\n3 0 2 3\n"
+            .to_vec(),
+    );
     torture("mutant.ply", Some(folder.path()), &seeds, |seed, random| {
         let mut bytes = seed.to_vec();
         let body = bytes.windows(11).position(|w| w == b"end_header\n").map_or(0, |at| at + 11);
@@ -259,7 +269,7 @@ fn damaged_stl_files_neither_panic_nor_swell() {
 
 #[test]
 fn damaged_3mf_packages_neither_panic_nor_swell() {
-    let layers = "<basematerials id=\"21\"><base name=\"a\" displaycolor=\"#123456\"/></basematerials>\
+    let layers = "<basematerials id=\"21\"><base name=\"a\" displaycolor=\"#12345640\"/></basematerials>\
         <m:compositematerials id=\"22\" matid=\"21\" matindices=\"0\"><m:composite values=\"1\"/></m:compositematerials>\
         <m:multiproperties id=\"23\" pids=\"22 1\" blendmethods=\"multiply\"><m:multi pindices=\"0 0\"/></m:multiproperties>\
         <object id=\"24\" pid=\"23\" pindex=\"0\"><components><component objectid=\"2\" \

@@ -4,3 +4,5 @@ mod color;
 mod errors;
 mod geometry;
 mod glb;
+#[cfg(feature = "meshopt")]
+mod meshopt;

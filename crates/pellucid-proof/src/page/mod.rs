@@ -115,6 +115,21 @@ impl ProofPage {
         Ok(Self { surface, slices })
     }
 
+    /// The same with the slices of other labels in the surface's frame, such as those with the clear resin around it.
+    ///
+    /// # Errors
+    /// [`ProofError::Cancelled`].
+    pub fn with_slices(
+        self,
+        labels: &LabelGrid,
+        highest_y_first: bool,
+        size: PageSize,
+        control: &Control<'_>,
+    ) -> Result<Self, ProofError> {
+        let slices = PackedSlices::pack(labels, highest_y_first, size.most_slice_bytes, control)?;
+        Ok(Self { slices, ..self })
+    }
+
     /// The page, named `title`, with the figures of a print's `report.json` (null where there is none) and
     /// `manifest.json`. Every figure on it is one of theirs.
     ///

@@ -1,5 +1,6 @@
 //! The second artefact: what each surface voxel should show, and what can be reached.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use pellucid_color::gamut::{DEFAULT_THICKNESSES_MM, ThicknessGamut};
@@ -12,9 +13,10 @@ use pellucid_core::Control;
 use pellucid_mesh::MeshReport;
 use pellucid_predict::Object;
 use pellucid_refine::{Aim, GamutInk, InkModel, Problem};
-use pellucid_voxel::{LabelGrid, NearestSurface};
+use pellucid_voxel::{AIR, LabelGrid, NearestSurface};
 use rayon::prelude::*;
 
+use crate::job::clear::{ClearParts, combined};
 use crate::job::placed::{Placed, THICK_MM};
 use crate::record::ModelRecord;
 use crate::report::Thinness;
@@ -80,9 +82,19 @@ pub struct Aimed {
     pub extent_mm: [f64; 3],
     /// The model's mesh, where there was one.
     pub mesh: Option<MeshReport>,
+    /// What is printed in clear resin, beside the object.
+    pub clear: Option<ClearParts>,
 }
 
 impl Aimed {
+    /// Labels of the object with the clear voxels beside them: what is printed.
+    pub fn with_clear<'l>(&self, labels: &'l LabelGrid) -> Cow<'l, LabelGrid> {
+        match &self.clear {
+            Some(parts) => Cow::Owned(combined(labels, &parts.grid, |l, c| if l == AIR { c } else { l })),
+            None => Cow::Borrowed(labels),
+        }
+    }
+
     /// What the refinement aims at in further viewings, for [`Problem::further`].
     pub fn further_aims(&self) -> Vec<Aim<'_>> {
         self.further.iter().map(FurtherAim::aim).collect()
@@ -137,13 +149,13 @@ impl PrintJob {
             reached.map(|[thick, own]| (thick, own)).unzip();
         control.check()?;
         let further = self.further(&viewing, &printable_target, control)?;
-        let object = Object::new(placed.surface, s.materials.clone(), s.refractive_index)?;
+        let object = Object::new(placed.surface, self.inks.clone(), s.refractive_index)?;
         Ok(Aimed {
             model: placed.model,
             object: Arc::new(object),
             solid: placed.solid,
             nearest: placed.nearest,
-            ink: Arc::new(GamutInk::new(gamut, &s.materials)),
+            ink: Arc::new(GamutInk::new(gamut, &self.inks)),
             viewing,
             target,
             gamut_target,
@@ -153,6 +165,7 @@ impl PrintJob {
             thickness_mm: placed.thickness_mm,
             extent_mm: placed.extent_mm,
             mesh: placed.mesh,
+            clear: placed.clear,
         })
     }
 
@@ -167,9 +180,8 @@ impl PrintJob {
         if s.also_under.is_empty() {
             return Ok(Vec::new());
         }
-        let bands = s.materials.spectrum();
-        let white =
-            s.materials.get(self.white).ok_or_else(|| PrintError::invalid("materials", "no white"))?;
+        let bands = self.inks.spectrum();
+        let white = self.inks.get(self.white).ok_or_else(|| PrintError::invalid("materials", "no white"))?;
         let white = Solver::new(s.refractive_index)?.thick_block(white)?;
         let upsampling = Upsampling::new(bands, viewing, &white)?;
         let viewings = s.also_under.iter().map(|&light| Viewing::new(bands, light, &white));
@@ -204,7 +216,7 @@ impl PrintJob {
     fn gamuts(&self, control: &Control<'_>) -> Result<(Gamut, ThicknessGamut), PrintError> {
         let s = &self.settings;
         let options = MatchOptions::default();
-        let thick = MixtureModel::under(&s.materials, "white", s.refractive_index, s.illuminant)?;
+        let thick = MixtureModel::under(&self.inks, "white", s.refractive_index, s.illuminant)?;
         let by_thickness =
             ThicknessGamut::build(&thick, &DEFAULT_THICKNESSES_MM, options, THIN_NODES, control)?;
         let gamut = Gamut::build(thick, options, DEFAULT_NODES, &control.silent())?;

@@ -1,6 +1,7 @@
 //! The main job: from a model to a prepared print, in four artefacts that a tool may make, keep or replace one by one.
 
 mod aimed;
+mod clear;
 mod judged;
 #[cfg(feature = "glb")]
 mod model;
@@ -20,13 +21,14 @@ use pellucid_core::staging;
 use pellucid_mesh::Model;
 use pellucid_predict::{Identity, InstructionSet, Predictor};
 use pellucid_refine::Strategy;
-use pellucid_voxel::LabelGrid;
+use pellucid_voxel::{LabelGrid, MaterialTable};
 
 use crate::stage::Stage;
 use crate::workspace::CHOICE;
 use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyKind, Workspace, predictors};
 
 pub use aimed::{Aimed, FurtherAim, SharedInk};
+pub use clear::{ClearParts, ClearReport};
 pub use judged::Judged;
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
@@ -55,6 +57,10 @@ pub use textured::{TextureReport, own_texture_files};
 pub struct PrintJob {
     settings: PrintSettings,
     white: u8,
+    /// The label of clear resin, where see-through parts are printed in it.
+    clear: Option<u8>,
+    /// The materials that colours are made of.
+    inks: MaterialTable,
     predictor: Arc<dyn Predictor>,
 }
 
@@ -65,7 +71,14 @@ impl PrintJob {
     /// [`PrintError`] naming the setting that is out of range, the material that the printer lacks, how many it takes, a
     /// format that cannot be written, or what the predictor was not made for.
     pub fn new(mut settings: PrintSettings) -> Result<Self, PrintError> {
+        if settings.clear_from_alpha {
+            settings.materials = clear::with_clear(&settings.materials)?;
+        }
         let white = settings.check()?;
+        let (clear, inks) = match settings.clear_from_alpha {
+            true => (settings.materials.label_of(clear::CLEAR), clear::without_clear(&settings.materials)?),
+            false => (None, settings.materials.clone()),
+        };
         settings.refine.seed = settings.seed;
         settings.spp.get_or_insert(settings.strategy.spp());
         let iterations = match settings.strategy {
@@ -81,7 +94,7 @@ impl PrintJob {
         )?;
         settings.format.check(&settings.printer)?;
         let predictor = predictors::predictor(&settings)?;
-        Ok(Self { settings, white, predictor })
+        Ok(Self { settings, white, clear, inks, predictor })
     }
 
     /// The settings, with what was left to the strategy.

@@ -1,5 +1,7 @@
 //! The proof page of a prepared print.
 
+use std::borrow::Cow;
+
 use pellucid_core::Control;
 use pellucid_proof::ERROR_SCALE;
 use pellucid_proof::page::{FieldValues, PageField, PageSize, ProofPage};
@@ -45,7 +47,11 @@ pub(super) fn page_of(prepared: &Prepared, control: &Control<'_>) -> Result<Proo
     fields.push(thickness(&aimed.thickness_mm));
     let highest_first = prepared.record.settings.printer.row_order() == RowOrder::HighestYFirst;
     let (labels, surface) = (&prepared.refined.labels, aimed.object.surface());
-    Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
+    let page = ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?;
+    match aimed.with_clear(labels) {
+        Cow::Owned(printed) => Ok(page.with_slices(&printed, highest_first, PageSize::default(), control)?),
+        Cow::Borrowed(_) => Ok(page),
+    }
 }
 
 /// Packs a proof from slices: what they look like, and thickness.
@@ -53,8 +59,12 @@ pub(super) fn page_of_slices(proof: &SlicesProof, control: &Control<'_>) -> Resu
     let colors = FieldValues::Colors(&proof.colors);
     let fields = [PageField { key: "print", label: "Print", values: colors }, thickness(&proof.thickness_mm)];
     let highest_first = proof.manifest.row_order == RowOrder::HighestYFirst;
-    let (labels, surface) = (&proof.labels, proof.object.surface());
-    Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
+    let (labels, surface) = (proof.opaque(), proof.object.surface());
+    let page = ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?;
+    match proof.has_clear() {
+        true => Ok(page.with_slices(&proof.labels, highest_first, PageSize::default(), control)?),
+        false => Ok(page),
+    }
 }
 
 fn thickness(values: &[f32]) -> PageField<'_> {

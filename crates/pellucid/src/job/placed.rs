@@ -1,9 +1,11 @@
 //! The first artefact: which voxels are solid, and what colour their surface has in the texture.
 
+use pellucid_color::MixtureModel;
 use pellucid_mesh::{MeshReport, Model, PlacedMesh, Placement, VoxeliseOptions};
 use pellucid_slice::check_extent;
 use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
 
+use crate::job::clear::{ClearParts, Split};
 use crate::record::ModelRecord;
 use crate::report::Thinness;
 use crate::stage::Stage;
@@ -32,34 +34,55 @@ pub struct Placed {
     pub extent_mm: [f64; 3],
     /// The model's mesh, where there was one.
     pub mesh: Option<MeshReport>,
+    /// What is printed in clear resin; not solid here.
+    pub clear: Option<ClearParts>,
 }
 
 impl PrintJob {
     /// Voxelises a model.
     ///
     /// # Errors
-    /// [`PrintError::Unsupported`] at once when it is larger than the printer; [`PrintError`] of the step that failed.
+    /// At once [`PrintError::Unsupported`] when it is larger than the printer, and [`PrintError::Color`] when the materials
+    /// make no mixtures; [`PrintError`] of the step that failed.
     pub fn place(&self, model: &Model, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
         let s = &self.settings;
+        self.check_inks()?;
         let placement = Placement::new(model, s.scale)?;
-        check_extent(&s.printer, placement.extent_mm())?;
         let options = VoxeliseOptions {
             pitch: s.printer.pitch(),
             scale: s.scale,
             label: self.white,
             ..VoxeliseOptions::default()
         };
+        let extent_mm = placement.extent_mm();
+        check_extent(&s.printer, extent_mm)?;
+        // The margin of air is part of the slices.
+        let margin = options.pitch.mm().map(|mm| 2.0 * f64::from(options.margin) * mm);
+        check_extent(&s.printer, std::array::from_fn(|a| extent_mm[a] + margin[a]))?;
         let (mesh, voxelised) = monitor.run(Stage::Voxelise, |c| {
             let mesh = PlacedMesh::at(model, placement);
             let voxelised = mesh.voxelise(&options, c)?;
             Ok::<_, PrintError>((mesh, voxelised))
         })?;
         voxelised.report.warnings().iter().for_each(|warning| monitor.warn(warning));
-        let shape = self.measure(voxelised.grid, monitor)?;
-        let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
+        let (shape, texture, clear) = match self.clear {
+            None => {
+                let shape = self.measure(voxelised.grid, monitor)?;
+                let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
+                (shape, texture, None)
+            }
+            Some(label) => {
+                let Split { opaque, clear, body } =
+                    self.split(&mesh, &voxelised.grid, &options, label, monitor)?;
+                let shape = self.measure(opaque, monitor)?;
+                let texture = shape.surface.voxels().iter().map(|&voxel| body.color(voxel)).collect();
+                (shape, texture, Some(clear))
+            }
+        };
         Ok(Placed {
             model: ModelRecord::of(model),
             texture,
+            clear,
             extent_mm: voxelised.report.extent_mm,
             mesh: Some(voxelised.report),
             ..shape
@@ -70,7 +93,8 @@ impl PrintJob {
     /// surface voxel as a texture would.
     ///
     /// # Errors
-    /// [`PrintError::Invalid`] when the pitch is not the printer's or a colour is not finite,
+    /// [`PrintError::Invalid`] when the pitch is not the printer's or a colour is not finite, [`PrintError::Color`] when the
+    /// materials make no mixtures,
     /// [`PrintError::Unsupported`] when the box is larger than the printer.
     pub fn place_volume(
         &self,
@@ -79,6 +103,7 @@ impl PrintJob {
         color: impl Fn([u32; 3]) -> [f32; 3] + Sync,
         monitor: &Monitor<'_>,
     ) -> Result<Placed, PrintError> {
+        self.check_inks()?;
         let (mm, size) = (labels.frame().pitch().mm(), labels.size());
         let wanted = self.settings.printer.pitch().mm();
         if mm.iter().zip(wanted).any(|(a, b)| (a / b - 1.0).abs() > 1e-6) {
@@ -99,6 +124,11 @@ impl PrintJob {
         }
         placed.model = ModelRecord::of_volume(name, &placed.solid, &placed.texture);
         Ok(placed)
+    }
+
+    /// Whether colours can be made of the materials; of slices that are there already nobody asks that.
+    fn check_inks(&self) -> Result<(), PrintError> {
+        Ok(MixtureModel::check(&self.inks, "white", self.settings.illuminant)?)
     }
 
     /// Everything of a placed shape that follows from its voxels; colour, name and extent are the caller's.
@@ -127,6 +157,7 @@ impl PrintJob {
             nearest,
             thickness_mm,
             texture: Vec::new(),
+            clear: None,
             extent_mm: std::array::from_fn(|a| f64::from(size[a]) * mm[a]),
             mesh: None,
         })

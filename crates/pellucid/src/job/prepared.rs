@@ -48,7 +48,8 @@ pub struct Prepared {
 impl Prepared {
     /// The report, with the times that `monitor` has seen.
     pub fn report(&self, monitor: &Monitor<'_>) -> Report {
-        let (aimed, labels) = (&self.aimed, &self.refined.labels);
+        let aimed = &self.aimed;
+        let labels = aimed.with_clear(&self.refined.labels);
         let counts = labels.histogram();
         Report {
             record: self.record.clone(),
@@ -59,12 +60,13 @@ impl Prepared {
             surface_voxels: aimed.object.surface().len() as u64,
             mesh: aimed.mesh.clone(),
             thin: aimed.thin,
-            resins: Resins::of(labels, &self.record.settings.materials),
+            resins: Resins::of(&labels, &self.record.settings.materials),
             refinement: self.refined.report.clone(),
             evaluation: self.judged.evaluation.clone(),
             error_histogram: self.judged.error_histogram(),
             picture: self.judged.picture,
             choice: self.choice.clone(),
+            clear: aimed.clear.as_ref().map(|parts| parts.report),
             lights: self.judged.lights.clone(),
             prediction: self.judged.prediction,
             texture: None,
@@ -105,7 +107,14 @@ impl Prepared {
         };
         let (materials, printer) = (&self.record.settings.materials, &self.record.settings.printer);
         monitor.run(Stage::Slices, |c| {
-            write_stack(&self.refined.labels, materials, printer, &settings, staged.path(), c)
+            write_stack(
+                &self.aimed.with_clear(&self.refined.labels),
+                materials,
+                printer,
+                &settings,
+                staged.path(),
+                c,
+            )
         })?;
         let page = monitor.run(Stage::Proof, |c| {
             self.write_pictures(staged.path(), c)?;

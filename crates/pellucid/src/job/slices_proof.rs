@@ -13,6 +13,7 @@ use pellucid_voxel::{LabelGrid, Surface, SurfaceOptions, local_thickness_mm};
 use serde::{Deserialize, Serialize};
 
 use crate::job::ProofFiles;
+use crate::job::clear::{CLEAR, without_label};
 use crate::job::placed::THICK_MM;
 use crate::job::prepared::{REPORT_FILE, write_report};
 use crate::picture_error::PictureError;
@@ -31,7 +32,9 @@ pub struct SlicesProof {
     pub manifest: Manifest,
     /// The labels.
     pub labels: LabelGrid,
-    /// Their surface, materials and boundary.
+    /// The labels without clear resin, where there is any.
+    opaque: Option<LabelGrid>,
+    /// Surface, materials and boundary of what is not clear.
     pub object: Arc<Object>,
     /// Appearance of every surface voxel, linear RGB relative to the print's white; noise was taken out.
     pub colors: Vec<[f32; 3]>,
@@ -54,7 +57,7 @@ pub struct SlicesReport {
     pub settings: PrintSettings,
     /// Linear RGB radiance that media-relative 1 stands for.
     pub media_white: [f32; 3],
-    /// Size `[x, y, z]` of the box around all material in mm.
+    /// Size `[x, y, z]` of the box around all material that is not clear, in mm.
     pub extent_mm: [f64; 3],
     /// Solid voxels.
     pub solid_voxels: u64,
@@ -77,7 +80,8 @@ fn own_files() -> OwnFiles {
 
 impl PrintJob {
     /// Predicts what labels look like when they are printed in the job's materials, whatever made them, by
-    /// [`PrintSettings::judge_spp`] paths twice, whose noise is then taken out.
+    /// [`PrintSettings::judge_spp`] paths twice, whose noise is then taken out. A material `clear` is looked through, as
+    /// air is.
     ///
     /// ```
     /// use pellucid::slice::{ExportSettings, check};
@@ -110,22 +114,27 @@ impl PrintJob {
             let reason = format!("label {label} is none of the {} materials", s.materials.len());
             return Err(PrintError::invalid("slices", reason));
         }
+        let clear = s.materials.label_of(CLEAR).filter(|&l| counts[usize::from(l)] > 0);
+        let opaque = clear.map(|label| without_label(&labels, label));
+        let seen = opaque.as_ref().unwrap_or(&labels);
         let surface =
-            monitor.run(Stage::Surface, |c| Surface::extract(&labels, &SurfaceOptions::default(), c))?;
+            monitor.run(Stage::Surface, |c| Surface::extract(seen, &SurfaceOptions::default(), c))?;
         if surface.is_empty() {
-            return Err(PrintError::invalid("slices", "no voxel is solid"));
+            let what = if opaque.is_some() { "no voxel is opaque" } else { "no voxel is solid" };
+            return Err(PrintError::invalid("slices", what));
         }
         let thickness_mm =
-            monitor.run(Stage::Thickness, |c| local_thickness_mm(&labels, &surface, THICK_MM, c))?;
+            monitor.run(Stage::Thickness, |c| local_thickness_mm(seen, &surface, THICK_MM, c))?;
         let viewing = Viewing::of_print(&s.materials, "white", s.refractive_index, s.illuminant)?;
         let object = Arc::new(Object::new(surface, s.materials.clone(), s.refractive_index)?);
         let (colors, picture) =
-            monitor.run(Stage::Predict, |c| self.appearance(&labels, &object, &viewing, c))?;
+            monitor.run(Stage::Predict, |c| self.appearance(seen, &object, &viewing, c))?;
         Ok(SlicesProof {
             name: name.to_owned(),
             settings: s.clone(),
             manifest,
             labels,
+            opaque,
             object,
             colors,
             thickness_mm,
@@ -176,6 +185,16 @@ impl PrintJob {
 }
 
 impl SlicesProof {
+    /// The labels that are seen: those that are not clear.
+    pub(super) fn opaque(&self) -> &LabelGrid {
+        self.opaque.as_ref().unwrap_or(&self.labels)
+    }
+
+    #[cfg(feature = "html")]
+    pub(super) fn has_clear(&self) -> bool {
+        self.opaque.is_some()
+    }
+
     /// The report, with the times that `monitor` has seen.
     pub fn report(&self, monitor: &Monitor<'_>) -> SlicesReport {
         let surface = self.object.surface();
@@ -226,13 +245,13 @@ impl SlicesProof {
         let states = [("print", &self.colors[..])];
         monitor.run(Stage::Proof, |c| {
             let views = View::front_and_back();
-            let proof = Proof::draw(&self.labels, surface, &views, self.settings.proof_edge, &states, c)?;
+            let proof = Proof::draw(self.opaque(), surface, &views, self.settings.proof_edge, &states, c)?;
             proof.write_png(staged.path().join("proof.png"), c)?;
             proof.write_exr(staged.path().join("proof.exr"), c)?;
             #[cfg(feature = "glb")]
             if files.glb {
                 let look = pellucid_proof::glb::Look { name: "print", colors: &self.colors };
-                let glb = pellucid_proof::glb::Glb::of(&self.labels, surface, &[look], c)?;
+                let glb = pellucid_proof::glb::Glb::of(self.opaque(), surface, &[look], c)?;
                 glb.write(staged.path().join("proof.glb"))?;
             }
             Ok::<_, PrintError>(())

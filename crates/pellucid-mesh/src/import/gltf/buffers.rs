@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::cell::OnceCell;
 
 use super::REEXPORT;
+#[cfg(not(feature = "meshopt"))]
 use super::extensions;
 use super::schema::{BufferView, Root};
 use crate::MeshError;
@@ -16,11 +17,21 @@ pub(super) struct Buffers<'a> {
     root: &'a Root,
     binary: Option<&'a [u8]>,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
+    /// Decompressed buffer views.
+    #[cfg(feature = "meshopt")]
+    decompressed: Vec<OnceCell<Vec<u8>>>,
 }
 
 impl<'a> Buffers<'a> {
     pub fn new(source: &'a Source<'a>, root: &'a Root, binary: Option<&'a [u8]>) -> Self {
-        Self { source, root, binary, loaded: root.buffers.iter().map(|_| OnceCell::new()).collect() }
+        Self {
+            source,
+            root,
+            binary,
+            loaded: root.buffers.iter().map(|_| OnceCell::new()).collect(),
+            #[cfg(feature = "meshopt")]
+            decompressed: root.buffer_views.iter().map(|_| OnceCell::new()).collect(),
+        }
     }
 
     pub fn source(&self) -> &'a Source<'a> {
@@ -45,24 +56,39 @@ impl<'a> Buffers<'a> {
                 REEXPORT,
             ));
         };
-        extensions::refuse_compressed_view(self.source, object, view)?;
-        let object = || format!("{object}, buffer view {index}");
-        let buffer = self.buffer(&object(), view.buffer)?;
-        let end = view.byte_offset.checked_add(view.byte_length);
-        let Some(bytes) = end.and_then(|end| buffer.get(view.byte_offset..end)) else {
-            return Err(self.source.invalid(
-                object(),
-                format!(
-                    "bytes {} and {} following are past the end of buffer {}, which has {}",
-                    view.byte_offset,
-                    view.byte_length,
-                    view.buffer,
-                    buffer.len()
-                ),
-                REEXPORT,
-            ));
-        };
-        Ok((view, bytes))
+        let object = format!("{object}, buffer view {index}");
+        match view.extensions.meshopt() {
+            None => Ok((view, self.range(&object, view.buffer, view.byte_offset, view.byte_length)?)),
+            #[cfg(feature = "meshopt")]
+            Some(compression) => {
+                let cell = &self.decompressed[index];
+                if let Some(bytes) = cell.get() {
+                    return Ok((view, bytes));
+                }
+                let bytes = self.range(
+                    &object,
+                    compression.buffer,
+                    compression.byte_offset,
+                    compression.byte_length,
+                )?;
+                let bytes = super::meshopt::decode(self.source, &object, view, compression, bytes)?;
+                Ok((view, cell.get_or_init(|| bytes)))
+            }
+            #[cfg(not(feature = "meshopt"))]
+            Some(_) => Err(extensions::refuse_compressed_view(self.source, &object)),
+        }
+    }
+
+    /// Some bytes of a buffer.
+    fn range(&self, object: &str, buffer: usize, offset: usize, length: usize) -> Result<&[u8], MeshError> {
+        let bytes = self.buffer(object, buffer)?;
+        offset.checked_add(length).and_then(|end| bytes.get(offset..end)).ok_or_else(|| {
+            let reason = format!(
+                "bytes {offset} and {length} following are past the end of buffer {buffer}, which has {}",
+                bytes.len()
+            );
+            self.source.invalid(object, reason, REEXPORT)
+        })
     }
 
     fn buffer(&self, object: &str, index: usize) -> Result<&[u8], MeshError> {

@@ -1,6 +1,6 @@
 //! Which glTF extensions are read, which may be left out, and which stop the import.
 
-use super::schema::{BufferView, Primitive, Root};
+use super::schema::{Primitive, Root};
 use crate::MeshError;
 use crate::import::source::{Source, quoted};
 
@@ -32,7 +32,7 @@ pub(super) const WEBP: &str = "EXT_texture_webp";
 const TEXTURE_FORMATS: [&str; 5] =
     ["KHR_texture_basisu", WEBP, "EXT_texture_avif", "MSFT_texture_dds", "EXT_texture_astc"];
 
-const UNCOMPRESSED: &str =
+pub(super) const UNCOMPRESSED: &str =
     "export it without mesh compression, or decompress it, for example with `gltf-transform copy`";
 
 /// Refuses a file that requires an extension this importer does not know.
@@ -70,19 +70,10 @@ pub(super) fn refuse_compressed_primitive(
 }
 
 /// Refuses a buffer view whose data is meshopt-compressed.
-pub(super) fn refuse_compressed_view(
-    source: &Source,
-    object: &str,
-    view: &BufferView,
-) -> Result<(), MeshError> {
-    if view.extensions.ext_meshopt.is_some() || view.extensions.khr_meshopt.is_some() {
-        return Err(source.unsupported(
-            object,
-            format!("meshopt compression ({})", MESHOPT[0]),
-            UNCOMPRESSED,
-        ));
-    }
-    Ok(())
+#[cfg(not(feature = "meshopt"))]
+pub(super) fn refuse_compressed_view(source: &Source, object: &str) -> MeshError {
+    let reason = format!("meshopt compression ({}), which this build leaves out", MESHOPT[0]);
+    source.unsupported(object, reason, UNCOMPRESSED)
 }
 
 /// The error for an accessor without data: a compression extension that the file lists anywhere

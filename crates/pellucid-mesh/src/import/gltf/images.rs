@@ -3,12 +3,11 @@
 use super::REEXPORT;
 use super::buffers::Buffers;
 use crate::MeshError;
-use crate::import::picture;
+use crate::import::picture::{self, Decoded};
 use crate::import::source::label;
-use crate::texture::Image;
 
 /// Decodes image `index`, charging its size to `budget` (bytes left for all textures).
-pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Result<Image, MeshError> {
+pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Result<Decoded, MeshError> {
     let (source, root) = (buffers.source(), buffers.root());
     let Some(image) = root.images.get(index) else {
         return Err(source.invalid(

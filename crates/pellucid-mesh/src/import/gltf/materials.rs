@@ -1,15 +1,16 @@
 //! Materials: base-colour factor, texture with sampler, and the texture coordinates it uses.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use super::REEXPORT;
 use super::buffers::Buffers;
 use super::schema::{Sampler as SamplerJson, TextureInfo};
 use super::{extensions, images};
+use crate::import::picture::Decoded;
 use crate::import::source::label;
-use crate::texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
-use crate::{BaseColor, MeshError};
+use crate::opacity::HALF;
+use crate::texture::{Filter, Mip, Sampler, Texture, Wrap};
+use crate::{BaseColor, MeshError, Opacity};
 
 /// Where a material's texture coordinates come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,10 +39,14 @@ pub(super) struct Resolved {
 pub(super) struct Materials<'b, 'a> {
     buffers: &'b Buffers<'a>,
     resolved: BTreeMap<Option<usize>, Resolved>,
-    images: BTreeMap<usize, Arc<Image>>,
+    images: BTreeMap<usize, Decoded>,
     texture_indices: BTreeMap<usize, u32>,
+    /// Of textures that are see-through somewhere, the texture of their opacity.
+    opacities: BTreeMap<u32, u32>,
     texture_budget: u64,
     pub base_colors: Vec<BaseColor>,
+    /// One a base colour.
+    pub opacity: Vec<Option<Opacity>>,
     pub textures: Vec<Texture>,
 }
 
@@ -52,6 +57,8 @@ impl<'b, 'a> Materials<'b, 'a> {
             resolved: BTreeMap::new(),
             images: BTreeMap::new(),
             texture_indices: BTreeMap::new(),
+            opacities: BTreeMap::new(),
+            opacity: Vec::new(),
             texture_budget: buffers.source().limits.texture_bytes,
             base_colors: Vec::new(),
             textures: Vec::new(),
@@ -63,20 +70,28 @@ impl<'b, 'a> Materials<'b, 'a> {
         if let Some(&resolved) = self.resolved.get(&material) {
             return Ok(resolved);
         }
-        let (color, tex_coord) = match material {
+        let (color, tex_coord, threshold) = match material {
             Some(index) => self.read(object, index)?,
             None => (
                 BaseColor { name: String::new(), factor: [1.0; 4], texture: None, double_sided: false },
                 None,
+                None,
             ),
         };
+        let texture = color.texture.and_then(|t| self.opacities.get(&t).copied());
+        self.opacity.push(threshold.map(|threshold| Opacity { texture, threshold }));
         let resolved = Resolved { index: self.base_colors.len() as u32, tex_coord };
         self.base_colors.push(color);
         self.resolved.insert(material, resolved);
         Ok(resolved)
     }
 
-    fn read(&mut self, object: &str, index: usize) -> Result<(BaseColor, Option<TexCoord>), MeshError> {
+    /// The base colour of a material, where its coordinates come from, and below which alpha it is see-through.
+    fn read(
+        &mut self,
+        object: &str,
+        index: usize,
+    ) -> Result<(BaseColor, Option<TexCoord>, Option<f32>), MeshError> {
         let (source, root) = (self.buffers.source(), self.buffers.root());
         let Some(material) = root.materials.get(index) else {
             return Err(source.invalid(
@@ -86,9 +101,15 @@ impl<'b, 'a> Materials<'b, 'a> {
             ));
         };
         let object = label("material", index, material.name.as_deref());
-        if material.alpha_mode.as_deref().is_some_and(|mode| mode != "OPAQUE") {
-            source.note(&object, "its transparency is ignored: prints are opaque");
-        }
+        let mode = material.alpha_mode.as_deref().filter(|mode| *mode != "OPAQUE");
+        let threshold = match mode {
+            Some(_) if !source.options.opacity => {
+                source.note(&object, "its transparency is ignored: prints are opaque");
+                None
+            }
+            Some("MASK") => Some(material.alpha_cutoff.map_or(HALF, |c| c.clamp(0.0, 1.0) as f32)),
+            other => other.map(|_| HALF),
+        };
         // The factor multiplies the texture, and is black by default.
         if material.emissive_factor.is_some_and(|factor| factor.iter().any(|&c| c > 0.0)) {
             source.note(&object, "its emission is left out: only its base colour is printed");
@@ -117,7 +138,7 @@ impl<'b, 'a> Materials<'b, 'a> {
             texture,
             double_sided: material.double_sided.unwrap_or(false),
         };
-        Ok((color, tex_coord))
+        Ok((color, tex_coord, threshold))
     }
 
     fn texture(&mut self, object: &str, index: usize) -> Result<u32, MeshError> {
@@ -151,16 +172,20 @@ impl<'b, 'a> Materials<'b, 'a> {
                 }
             },
         };
-        let image = match self.images.get(&image) {
+        let decoded = match self.images.get(&image) {
             Some(decoded) => decoded.clone(),
             None => {
-                let decoded = Arc::new(images::decode(self.buffers, image, &mut self.texture_budget)?);
+                let decoded = images::decode(self.buffers, image, &mut self.texture_budget)?;
                 self.images.insert(image, decoded.clone());
                 decoded
             }
         };
         let position = self.textures.len() as u32;
-        self.textures.push(Texture::new(image, sampler));
+        self.textures.push(Texture::new(decoded.image, sampler));
+        if let Some(opacity) = decoded.opacity {
+            self.textures.push(Texture::new(opacity, sampler));
+            self.opacities.insert(position, position + 1);
+        }
         self.texture_indices.insert(index, position);
         Ok(position)
     }

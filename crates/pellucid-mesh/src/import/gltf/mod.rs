@@ -1,19 +1,21 @@
 //! glTF 2.0: `.glb`, and `.gltf` with data URIs or files beside it.
 //!
 //! Read: node transforms, all meshes of the default scene, triangle lists, strips and fans, every
-//! index and attribute type, sparse accessors, `KHR_mesh_quantization`, base-colour factor, texture
-//! and `COLOR_0`, `KHR_texture_transform`, samplers, `EXT_texture_webp` (feature `webp`), the diffuse
-//! colour of `KHR_materials_pbrSpecularGlossiness`, `KHR_node_visibility`, skins at rest, and morph
-//! targets of positions, coordinates and colours at their default weights.
+//! index and attribute type, sparse accessors, `KHR_mesh_quantization`, meshopt compression
+//! (feature `meshopt`), base-colour factor, texture and `COLOR_0`, `KHR_texture_transform`, samplers,
+//! `EXT_texture_webp` (feature `webp`), the diffuse colour of `KHR_materials_pbrSpecularGlossiness`,
+//! `KHR_node_visibility`, skins at rest, and morph targets of positions, coordinates and colours at their
+//! default weights.
 //!
 //! Left out with a [note](crate::Model::notes): animations, points and lines, transparency
-//! (prints are opaque), emission (prints do not glow), what a scale of 0 collapses, and inverted
+//! (prints are opaque; with [`ImportOptions::opacity`](crate::ImportOptions::opacity) the alpha of materials whose
+//! `alphaMode` is `MASK` or `BLEND` counts), emission (prints do not glow), what a scale of 0 collapses, and inverted
 //! hulls: outlines drawn by a single-sided shell around a body that faces inwards. Without a default
 //! scene the only scene is taken, or else all root nodes. A material's other extensions (gloss, coat)
 //! are ignored.
 //!
-//! Refused with the object and a remedy: Draco and meshopt compression, other required
-//! extensions, textures of other formats, and a texture without coordinates.
+//! Refused with the object and a remedy: Draco compression, and meshopt's without the feature `meshopt`,
+//! other required extensions, textures of other formats, and a texture without coordinates.
 
 mod accessor;
 mod buffers;
@@ -21,6 +23,8 @@ mod container;
 mod extensions;
 mod images;
 mod materials;
+#[cfg(feature = "meshopt")]
+mod meshopt;
 mod nodes;
 mod primitive;
 mod schema;
@@ -110,5 +114,9 @@ fn assemble(buffers: &Buffers) -> Result<Model, MeshError> {
         materials.base_colors,
         materials.textures,
     )?;
+    let model = match source.options.opacity {
+        true => model.with_opacity(materials.opacity)?,
+        false => model,
+    };
     Ok(model.with_read_as(read_as(source)))
 }

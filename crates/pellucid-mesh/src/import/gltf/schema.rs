@@ -95,9 +95,29 @@ pub(super) struct BufferView {
 #[derive(Deserialize, Default)]
 pub(super) struct BufferViewExtensions {
     #[serde(rename = "EXT_meshopt_compression")]
-    pub ext_meshopt: Option<IgnoredAny>,
+    pub ext_meshopt: Option<Meshopt>,
     #[serde(rename = "KHR_meshopt_compression")]
-    pub khr_meshopt: Option<IgnoredAny>,
+    pub khr_meshopt: Option<Meshopt>,
+}
+
+impl BufferViewExtensions {
+    pub fn meshopt(&self) -> Option<&Meshopt> {
+        self.khr_meshopt.as_ref().or(self.ext_meshopt.as_ref())
+    }
+}
+
+/// How the bytes of a view are compressed; what is missing is refused when they are needed.
+#[derive(Deserialize, Default)]
+#[serde(default, rename_all = "camelCase")]
+#[cfg_attr(not(feature = "meshopt"), allow(dead_code, reason = "what stands there is refused unread"))]
+pub(super) struct Meshopt {
+    pub buffer: usize,
+    pub byte_offset: usize,
+    pub byte_length: usize,
+    pub byte_stride: usize,
+    pub count: usize,
+    pub mode: String,
+    pub filter: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -112,6 +132,7 @@ pub(super) struct Image {
 #[serde(rename_all = "camelCase")]
 pub(super) struct Material {
     pub alpha_mode: Option<String>,
+    pub alpha_cutoff: Option<f64>,
     pub double_sided: Option<bool>,
     pub emissive_factor: Option<[f64; 3]>,
     #[serde(default)]

@@ -14,7 +14,7 @@ use crate::import::source::{Source, quoted};
 pub(super) struct Geometry<'g> {
     pub positions: &'g [[f64; 3]],
     /// Empty, or one a position.
-    pub colors: &'g [Option<[f32; 3]>],
+    pub colors: &'g [Option<[f32; 4]>],
     pub coords: &'g [[f32; 2]],
 }
 
@@ -92,7 +92,7 @@ impl<'s, 'a> Faces<'s, 'a> {
                 Some(&known) => known,
                 None => {
                     let color = geometry.colors.get(position as usize).copied().flatten();
-                    let color = color.filter(|_| look.by_vertex).unwrap_or([1.0; 3]);
+                    let color = color.filter(|_| look.by_vertex).unwrap_or([1.0; 4]);
                     let point = geometry.positions[position as usize];
                     let uv = uv.map_or([0.0; 2], |(_, uv)| uv);
                     let new = self.parts.vertex(object, point, uv, color)?;

@@ -125,19 +125,40 @@ impl Looks {
             let sampler = Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() };
             let texture = parts
                 .texture(&object, &map.file, sampler, |source| uri::load_file(source, &object, &map.file))?;
+            let opacity = match opacity_of(parts, material)? {
+                Some(own) => Some(own),
+                None => parts.opacity_of(texture),
+            };
             if material.color.is_some_and(|kd| kd != [1.0; 3]) {
                 let text = "its Kd is left out: the texture alone is its colour";
                 parts.source.note(&material.place, text);
             }
-            let material = parts.material(name, [1.0; 3], Some(texture));
+            if material.opacity_map.as_ref().is_some_and(|m| m.mapping != map.mapping) {
+                parts.source.note(&material.place, "its map_d takes the -o and -s of its map_Kd");
+            }
+            let alpha = material.alpha.unwrap_or(1.0);
+            let material = parts.translucent(name, [1.0; 3], Some(texture), alpha, opacity);
             return Ok(Look { material, mapping: Some(map.mapping), by_vertex: false });
         }
         let color = match by_vertex {
             true => [1.0; 3],
             false => material.and_then(|m| m.color).unwrap_or(self.plain),
         };
-        Ok(Look { material: parts.material(name, color, None), mapping: None, by_vertex })
+        let alpha = material.and_then(|m| m.alpha).unwrap_or(1.0);
+        let opacity = material.map_or(Ok(None), |m| opacity_of(parts, m))?;
+        let mapping = opacity.and(material.and_then(|m| Some(m.opacity_map.as_ref()?.mapping)));
+        Ok(Look { material: parts.translucent(name, color, None, alpha, opacity), mapping, by_vertex })
     }
+}
+
+/// The texture of a material's `map_d`.
+fn opacity_of(parts: &mut Parts, material: &Material) -> Result<Option<u32>, MeshError> {
+    let Some(map) = &material.opacity_map else { return Ok(None) };
+    let object = format!("{}, map_d", material.place);
+    let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
+    let sampler = Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() };
+    let bytes = uri::load_file(parts.source, &object, &map.file)?;
+    parts.opacity_texture(&object, &bytes, sampler).map(Some)
 }
 
 /// A name without the quotation marks that some programs write around it.

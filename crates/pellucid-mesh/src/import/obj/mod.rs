@@ -10,7 +10,8 @@
 //! multiplied: beside a `map_Kd` programs leave any `Kd` (0, 0.6, 0.8), which is noted. Colours are sRGB
 //! as displays show them; only the `Kd` of libraries that Blender wrote are linear, as it writes them.
 //!
-//! Left out with a note: lines, points, free-form curves and surfaces, transparency, emission. Normals
+//! Left out with a note: lines, points, free-form curves and surfaces, emission, and transparency (`d`, `Tr`, `map_d`, the alpha of
+//! textures and vertices) unless [`ImportOptions::opacity`](crate::ImportOptions::opacity) asks for it. Normals
 //! and smoothing groups change no colour. An `mtllib` that is not there is refused, as a missing texture
 //! is: the colours would be lost.
 //!
@@ -74,8 +75,8 @@ fn joined<'t>(line: &'t [u8], lines: &mut text::Lines<'t>) -> Cow<'t, [u8]> {
 struct Reader<'s, 'a> {
     source: &'s Source<'a>,
     positions: Vec<[f64; 3]>,
-    /// Linear colours of vertices; as long as `positions` once a vertex has one.
-    colors: Vec<Option<[f32; 3]>>,
+    /// Linear colours and opacities of vertices; as long as `positions` once a vertex has one.
+    colors: Vec<Option<[f32; 4]>>,
     coords: Vec<[f32; 2]>,
     looks: Looks,
     faces: Faces<'s, 'a>,
@@ -125,7 +126,8 @@ impl Reader<'_, '_> {
         admit_vertex(source, self.positions.len(), object)?;
         let (position, color) = match numbers(rest).as_deref() {
             Some([x, y, z] | [x, y, z, _]) => ([*x, *y, *z], None),
-            Some([x, y, z, r, g, b] | [x, y, z, r, g, b, _]) => ([*x, *y, *z], Some([*r, *g, *b])),
+            Some([x, y, z, r, g, b]) => ([*x, *y, *z], Some([*r, *g, *b, 1.0])),
+            Some([x, y, z, r, g, b, a]) => ([*x, *y, *z], Some([*r, *g, *b, *a])),
             _ => {
                 let reason =
                     format!("{} is not v with 3, 4, 6 or 7 finite numbers", quoted(&text::string(rest)));
@@ -136,11 +138,12 @@ impl Reader<'_, '_> {
             self.colors.resize(self.positions.len(), None);
         }
         self.positions.push(position);
-        if let Some(color) = color {
-            if color.iter().any(|c| !(0.0..=1.0).contains(c)) {
+        if let Some([r, g, b, a]) = color {
+            if [r, g, b].iter().any(|c| !(0.0..=1.0).contains(c)) {
                 source.note(object(), "a vertex colour outside 0..1 was clamped");
             }
-            self.colors.push(Some(parts::linear(color)));
+            let [r, g, b] = parts::linear([r, g, b]);
+            self.colors.push(Some([r, g, b, a.clamp(0.0, 1.0) as f32]));
         } else if !self.colors.is_empty() {
             self.colors.push(None);
         }

@@ -20,15 +20,21 @@ pub(super) struct Material {
     /// Linear `Kd`.
     pub color: Option<[f32; 3]>,
     pub map: Option<Map>,
+    /// Opacity (`d`, or else 1 - `Tr`).
+    pub alpha: Option<f32>,
+    pub opacity_map: Option<Map>,
 }
 
-/// A `map_Kd`.
+/// A `map_Kd` or `map_d`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Map {
     pub file: String,
     pub mapping: Mapping,
     pub clamp: bool,
 }
+
+/// What is noted of a material that is not opaque, where opacity does not count.
+const IGNORED: &str = "its transparency is ignored: prints are opaque";
 
 /// A library while it is read.
 pub(super) struct Library<'s, 'a> {
@@ -91,28 +97,37 @@ impl<'s, 'a> Library<'s, 'a> {
         rest: &[u8],
     ) -> Result<(), MeshError> {
         let note = |text: &str| self.source.note(&material.place, text);
+        let opaque = !self.source.options.opacity;
         match keyword.to_ascii_lowercase().as_slice() {
             b"kd" => material.color = self.color(material, number, rest)?,
-            b"map_kd" => {
-                let map = map(&text::string(rest)).ok_or_else(|| {
-                    let reason = format!("{} does not name a texture", quoted(&text::string(rest)));
-                    self.source.invalid(self.at(number), reason, REEXPORT)
-                })?;
-                material.map = Some(map);
-            }
-            b"map_d" => note("its transparency is ignored: prints are opaque"),
-            b"d" if value(rest).is_some_and(|d| d < 1.0) => {
-                note("its transparency is ignored: prints are opaque");
-            }
-            b"tr" if value(rest).is_some_and(|tr| tr > 0.0 && tr < 1.0) => {
-                note("its transparency is ignored: prints are opaque");
-            }
+            b"map_kd" => material.map = Some(self.map(number, rest)?),
+            b"map_d" if opaque => note(IGNORED),
+            b"map_d" => material.opacity_map = Some(self.map(number, rest)?),
+            b"d" => match value(rest) {
+                Some(d) if d < 1.0 && opaque => note(IGNORED),
+                Some(d) => material.alpha = Some(d.clamp(0.0, 1.0) as f32),
+                None => {}
+            },
+            // Some programs write an opacity of 1 as Tr 1.
+            b"tr" => match value(rest).filter(|tr| *tr > 0.0 && *tr < 1.0) {
+                Some(_) if opaque => note(IGNORED),
+                Some(tr) => material.alpha = material.alpha.or(Some(1.0 - tr as f32)),
+                None => {}
+            },
             b"ke" if text::words(rest).filter_map(text::number).any(|c| c > 0.0) => {
                 note("its emission is left out: only its diffuse colour is printed");
             }
             _ => {}
         }
         Ok(())
+    }
+
+    /// The map of a line that must have one.
+    fn map(&self, number: u64, rest: &[u8]) -> Result<Map, MeshError> {
+        map(&text::string(rest)).ok_or_else(|| {
+            let reason = format!("{} does not name a texture", quoted(&text::string(rest)));
+            self.source.invalid(self.at(number), reason, REEXPORT)
+        })
     }
 
     /// `Kd r g b` or `Kd grey`; spectra and CIE XYZ are left out.

@@ -12,8 +12,21 @@ use crate::import::{Format, uri};
 use crate::texture::Sampler;
 use crate::{MeshError, Model};
 
-/// Positions of three properties in an element, and what stands for a colour of 1 in each.
-type Colors = [(usize, f64); 3];
+/// A property's position in its element, and what stands for 1 in it.
+type Share = (usize, f64);
+
+/// Red, green, blue, and an opacity where there is one.
+#[derive(Clone, Copy)]
+struct Colors {
+    rgb: [Share; 3],
+    alpha: Option<Share>,
+}
+
+impl Colors {
+    fn all(&self) -> impl Iterator<Item = Share> {
+        self.rgb.into_iter().chain(self.alpha)
+    }
+}
 
 /// What an element is, and which of its properties are read.
 pub(super) struct Plan {
@@ -41,7 +54,7 @@ impl Plan {
 enum Paint<'r> {
     /// A texture's material, and the coordinates of the corners where the vertices have none.
     Texture(u32, Option<&'r [f64]>),
-    Face([f32; 3]),
+    Face([f32; 4]),
     Vertices,
 }
 
@@ -53,10 +66,10 @@ pub(super) struct Mesh<'s, 'a, 'h> {
     materials: Vec<Option<u32>>,
     plain: u32,
     positions: Vec<[f64; 3]>,
-    colors: Vec<[f32; 3]>,
+    colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
     /// Vertices by position, material, and coordinate or colour.
-    known: HashMap<[u32; 5], u32>,
+    known: HashMap<[u32; 6], u32>,
     cutter: Cutter,
 }
 
@@ -101,12 +114,12 @@ impl<'s, 'a, 'h> Mesh<'s, 'a, 'h> {
                     [Some(u), Some(v)] => Some([u.0, v.0]),
                     _ => None,
                 };
-                Role::Vertex { position: [x.0, y.0, z.0], colors: colors(element), uv }
+                Role::Vertex { position: [x.0, y.0, z.0], colors: self.colors_of(element), uv }
             }
             "face" => match list(element, &["vertex_indices", "vertex_index"]) {
                 Some(indices) => Role::Face {
                     indices,
-                    colors: colors(element),
+                    colors: self.colors_of(element),
                     uv: list(element, &["texcoord"]),
                     texture: scalar(element, &["texnumber"]).map(|t| t.0),
                 },
@@ -126,12 +139,12 @@ impl<'s, 'a, 'h> Mesh<'s, 'a, 'h> {
         match &role {
             Role::Vertex { position, colors, uv } => {
                 position.iter().for_each(|&p| want(p));
-                colors.iter().flatten().for_each(|c| want(c.0));
+                colors.iter().flat_map(Colors::all).for_each(|c| want(c.0));
                 uv.iter().flatten().for_each(|&u| want(u));
             }
             Role::Face { indices, colors, uv, texture } => {
                 want(*indices);
-                colors.iter().flatten().for_each(|c| want(c.0));
+                colors.iter().flat_map(Colors::all).for_each(|c| want(c.0));
                 uv.iter().chain(texture).for_each(|&u| want(u));
             }
             Role::Strips { indices } => want(*indices),
@@ -185,7 +198,7 @@ impl<'s, 'a, 'h> Mesh<'s, 'a, 'h> {
         number: u64,
         texture: Option<f64>,
         coords: Option<&'r [f64]>,
-        own: Option<[f32; 3]>,
+        own: Option<[f32; 4]>,
     ) -> Result<Paint<'r>, MeshError> {
         let chosen = texture.unwrap_or(0.0);
         let has_coords = coords.is_some() || !self.uvs.is_empty();
@@ -286,19 +299,20 @@ impl<'s, 'a, 'h> Mesh<'s, 'a, 'h> {
         paint: Paint,
     ) -> Result<u32, MeshError> {
         let material = self.material(paint);
-        let (uv, color, [a, b, c]) = match paint {
+        let (uv, color, [a, b, c, d]) = match paint {
             Paint::Texture(_, Some(coords)) => {
                 let uv = self.coord(&object, [coords[2 * k], coords[2 * k + 1]])?;
-                (uv, [1.0; 3], [uv[0].to_bits(), uv[1].to_bits(), 1])
+                (uv, [1.0; 4], [uv[0].to_bits(), uv[1].to_bits(), 1, 0])
             }
-            Paint::Texture(_, None) => (self.uvs[index], [1.0; 3], [0; 3]),
+            Paint::Texture(_, None) => (self.uvs[index], [1.0; 4], [0; 4]),
             Paint::Face(color) => ([0.0; 2], color, color.map(f32::to_bits)),
             Paint::Vertices => {
-                let color = self.colors.get(index).copied().unwrap_or(self.source.options.color);
-                ([0.0; 2], color, [u32::MAX; 3])
+                let [r, g, b] = self.source.options.color;
+                let color = self.colors.get(index).copied().unwrap_or([r, g, b, 1.0]);
+                ([0.0; 2], color, [u32::MAX; 4])
             }
         };
-        let key = [index as u32, material, a, b, c];
+        let key = [index as u32, material, a, b, c, d];
         if let Some(&known) = self.known.get(&key) {
             return Ok(known);
         }
@@ -307,21 +321,34 @@ impl<'s, 'a, 'h> Mesh<'s, 'a, 'h> {
         Ok(new)
     }
 
-    /// A colour of a row, in linear light.
+    /// Which properties of an element are its colours.
+    fn colors_of(&self, element: &Element) -> Option<Colors> {
+        let [r, g, b] =
+            [["red", "r", "diffuse_red"], ["green", "g", "diffuse_green"], ["blue", "b", "diffuse_blue"]]
+                .map(|names| scalar(element, &names));
+        let share = |(index, kind): (usize, Scalar)| (index, kind.full());
+        let alpha = scalar(element, &["alpha", "a", "diffuse_alpha"]).map(share);
+        let alpha = alpha.filter(|_| self.source.options.opacity);
+        Some(Colors { rgb: [r?, g?, b?].map(share), alpha })
+    }
+
+    /// A colour of a row, in linear light, and its opacity.
     fn color(
         &self,
         object: impl FnOnce() -> String,
         row: &Row,
         colors: &Colors,
-    ) -> Result<[f32; 3], MeshError> {
-        let srgb = colors.map(|(property, full)| row.scalars[property] / full);
-        if !srgb.iter().all(|c| c.is_finite()) {
+    ) -> Result<[f32; 4], MeshError> {
+        let value = |(property, full): Share| row.scalars[property] / full;
+        let (srgb, alpha) = (colors.rgb.map(value), colors.alpha.map_or(1.0, value));
+        if !srgb.iter().chain([&alpha]).all(|c| c.is_finite()) {
             return Err(self.not_finite(object(), "colour"));
         }
         if srgb.iter().any(|c| !(0.0..=1.0).contains(c)) {
             self.source.note("colours", "a colour outside its range was clamped");
         }
-        Ok(parts::linear(srgb))
+        let [r, g, b] = parts::linear(srgb);
+        Ok([r, g, b, alpha.clamp(0.0, 1.0) as f32])
     }
 
     /// A texture coordinate of the file, v up, as the model's, v down.
@@ -356,11 +383,4 @@ fn scalar(element: &Element, names: &[&str]) -> Option<(usize, Scalar)> {
 fn list(element: &Element, names: &[&str]) -> Option<usize> {
     let index = element.position(names)?;
     matches!(element.properties[index].kind, Kind::List { .. }).then_some(index)
-}
-
-fn colors(element: &Element) -> Option<Colors> {
-    let [r, g, b] =
-        [["red", "r", "diffuse_red"], ["green", "g", "diffuse_green"], ["blue", "b", "diffuse_blue"]]
-            .map(|names| scalar(element, &names));
-    Some([r?, g?, b?].map(|(index, kind)| (index, kind.full())))
 }

@@ -9,7 +9,8 @@
 //! A face's colour is the most detailed that the file gives: its texture, or else its own colour, or
 //! else its vertices', or else [`ImportOptions::color`](crate::ImportOptions::color). Colours are sRGB,
 //! 0 to 255 as bytes (and other integers of more than 16 bits), 0 to 65535 as 16 bits, 0 to 1 as
-//! floats. Opacity is left out.
+//! floats. Opacity (`alpha`, `a`, `diffuse_alpha`, the alpha of textures) is left out unless
+//! [`ImportOptions::opacity`](crate::ImportOptions::opacity) asks for it.
 //!
 //! Nothing is allocated for what a header claims before that many rows are known to fit into the file.
 

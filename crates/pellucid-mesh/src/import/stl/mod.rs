@@ -65,7 +65,7 @@ impl<'s, 'a> Solid<'s, 'a> {
             *vertex = match self.known.get(&key) {
                 Some(&known) => known,
                 None => {
-                    let new = self.parts.vertex(&object, corner.map(f64::from), [0.0; 2], [1.0; 3])?;
+                    let new = self.parts.vertex(&object, corner.map(f64::from), [0.0; 2], [1.0; 4])?;
                     self.known.insert(key, new);
                     new
                 }

@@ -154,7 +154,7 @@ impl<'s, 'a, 'b> Build<'s, 'a, 'b> {
                         let paint = match property {
                             Some(property) => paint::resolve(self.source, &self.models[part], property)
                                 .map_err(|reason| self.source.invalid(place(), reason, REEXPORT))?,
-                            None => Paint { rgb: self.source.options.color, texture: None },
+                            None => Paint { rgb: self.source.options.color, alpha: 1.0, texture: None },
                         };
                         let its = self.material(part, label, paint.texture.map(|t| t.0))?;
                         let uv = paint.texture.map_or([0.0; 2], |(_, [u, v])| [u, 1.0 - v]);
@@ -163,7 +163,8 @@ impl<'s, 'a, 'b> Build<'s, 'a, 'b> {
                             let reason = "its transform takes it beyond all numbers";
                             return Err(self.source.invalid(place(), reason, REEXPORT));
                         }
-                        let new = self.parts.vertex(place, point, uv, paint.rgb)?;
+                        let [r, g, b] = paint.rgb;
+                        let new = self.parts.vertex(place, point, uv, [r, g, b, paint.alpha])?;
                         known.insert((index, property), (new, its));
                         (new, its)
                     }

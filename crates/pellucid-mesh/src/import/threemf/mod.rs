@@ -5,7 +5,8 @@
 //! colour groups, textures, composite materials (the mean of their shares) and multi-properties.
 //! Colours are sRGB, as the format says, and blended in linear light.
 //!
-//! Left out with a note: objects that are support or otherwise no part of the model, opacity, the
+//! Left out with a note: objects that are support or otherwise no part of the model, opacity
+//! (unless [`ImportOptions::opacity`](crate::ImportOptions::opacity) asks for it), the
 //! painting of slicers (which keep it in attributes of their own), beam lattices where they are not
 //! required. Of multi-properties one texture shows, and a texture mixed over others hides them.
 //!

@@ -139,7 +139,7 @@ fn colors(
                 let object = format!("{label}, {element} {}", colors.len());
                 reader.source.invalid(object, format!("{} is no colour #RRGGBB", quoted(&text)), REEXPORT)
             })?;
-            if color.alpha < 1.0 {
+            if color.alpha < 1.0 && !reader.source.options.opacity {
                 reader.source.note(label, "its transparency is ignored: prints are opaque");
             }
             colors.push(color);
@@ -202,7 +202,8 @@ fn composites(
                 shares.iter().zip(&indices).map(|(s, i)| s / sum * f64::from(i.rgb[c])).sum()
             };
             let rgb: [f64; 3] = std::array::from_fn(mean);
-            colors.push(Color { rgb: rgb.map(|c| c as f32), alpha: 1.0 });
+            let alpha: f64 = shares.iter().zip(&indices).map(|(s, i)| s / sum * f64::from(i.alpha)).sum();
+            colors.push(Color { rgb: rgb.map(|c| c as f32), alpha: alpha as f32 });
         }
         Ok(false)
     })?;
