@@ -138,7 +138,7 @@ impl PrintJob {
         if candidates.len() < 2 {
             return Ok(Choice::of(Vec::new()));
         }
-        let labels = self.halftone(aimed, control)?;
+        let labels = self.halftone(aimed, control)?.0;
         let patches = Patches::new(&aimed.object, self.settings().seed);
         let channels = aimed.object.channels();
         let truth = {
@@ -172,11 +172,16 @@ impl PrintJob {
         Ok(Choice::of(trials))
     }
 
-    /// The halftone that refinement starts from.
-    fn halftone(&self, aimed: &Aimed, control: &Control<'_>) -> Result<LabelGrid, PrintError> {
+    /// The halftone that refinement starts from, and the share of the surface whose colour is out of reach.
+    pub(crate) fn halftone(
+        &self,
+        aimed: &Aimed,
+        control: &Control<'_>,
+    ) -> Result<(LabelGrid, f64), PrintError> {
         let (settings, strategy) = (self.settings().refine.clone(), self.settings().surface_first.clone());
         let refinement = Refinement::new(aimed.problem(), strategy, settings, control)?;
-        Ok(refinement.unrefined(&aimed.solid, &control.silent())?)
+        let labels = refinement.unrefined(&aimed.solid, &control.silent())?;
+        Ok((labels, refinement.report().out_of_gamut))
     }
 }
 

@@ -27,6 +27,9 @@
 //! # main().unwrap() }
 //! ```
 //!
+//! Before that, [`PrintJob::preview`] shows within seconds what a model would look like without refinement, and where its
+//! colours are out of reach and its parts too thin.
+//!
 //! # The tour
 //! | module | what it is for | feature |
 //! | --- | --- | --- |

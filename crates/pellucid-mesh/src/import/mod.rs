@@ -13,6 +13,9 @@
 //! millimetres by habit; what scans and prints stands on the xy plane, while OBJ comes from modelling
 //! programs, which write y up. [`ImportOptions`] says otherwise, and [`Model::read_as`] what was taken.
 //!
+//! Textures of glTF are sRGB, as it says. Those of the other formats are what the ICC profile says that they embed, or else
+//! [`ImportOptions::icc`], or else sRGB (profiles: cargo feature `icc`).
+//!
 //! Refused with the place (line, element, object) and a remedy: file names and URIs that leave the
 //! model's folder, textures other than PNG and JPEG (and WebP with the feature `webp`), numbers that
 //! are not finite, anything past [`ImportLimits`], and every reference or value out of range. What is
@@ -20,6 +23,7 @@
 
 mod format;
 pub mod gltf;
+mod icc;
 mod limits;
 #[cfg(feature = "obj")]
 pub mod obj;
@@ -44,6 +48,7 @@ mod uri;
 use std::path::Path;
 
 pub use format::Format;
+pub use icc::IccProfile;
 pub use limits::ImportLimits;
 pub use options::ImportOptions;
 pub use read_as::{LengthUnit, ReadAs, UpAxis};
@@ -104,7 +109,8 @@ impl ImportOptions {
     /// Imports a model file; files it refers to must lie in its folder.
     ///
     /// # Errors
-    /// As [`import_path`]; [`MeshError::Invalid`] too for a colour outside 0..1.
+    /// As [`import_path`]; [`MeshError::Invalid`] too for a colour outside 0..1, [`MeshError::Unsupported`] for an ICC
+    /// profile beside a glTF.
     pub fn import_path(&self, path: impl AsRef<Path>) -> Result<Model, MeshError> {
         let path = path.as_ref();
         let name = path.display().to_string();
@@ -154,6 +160,13 @@ impl ImportOptions {
             ));
         }
         let format = Format::detect(&source, bytes)?;
+        if self.icc.is_some() && format == Format::Gltf {
+            return Err(source.unsupported(
+                "ImportOptions::icc",
+                "glTF says that textures are sRGB, whatever profile they have",
+                "leave the profile out, or convert the textures to sRGB",
+            ));
+        }
         let model = match format {
             Format::Gltf => gltf::read(&source, bytes)?,
             #[cfg(feature = "obj")]

@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::picture::Profiles;
 use super::source::Source;
 use super::{ReadAs, picture};
 use crate::texture::{Image, Sampler, Texture, srgb_to_linear};
@@ -95,7 +96,8 @@ impl<'s, 'a> Parts<'s, 'a> {
             Some(known) => known.clone(),
             None => {
                 let bytes = load(self.source)?;
-                let image = picture::decode(self.source, object, &bytes, &mut self.texture_budget)?;
+                let image =
+                    picture::decode(self.source, object, &bytes, Profiles::Heeded, &mut self.texture_budget)?;
                 let image = Arc::new(image);
                 self.images.insert(key.to_owned(), image.clone());
                 image

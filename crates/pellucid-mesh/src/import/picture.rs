@@ -4,6 +4,8 @@ use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
+#[cfg(any(feature = "obj", feature = "ply", feature = "3mf", feature = "stl"))]
+use super::icc::codes_of;
 use super::source::{Source, quoted};
 use crate::MeshError;
 use crate::texture::Image;
@@ -13,12 +15,23 @@ pub(super) const PLAIN: &str = "export the model with its textures as PNG or JPE
 /// What a decoder may allocate beside the pixels.
 const DECODER_BYTES: u64 = 64 << 20;
 
+/// What the ICC profiles of textures are to a format.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Profiles {
+    /// They say what colours are.
+    #[cfg(any(feature = "obj", feature = "ply", feature = "3mf", feature = "stl"))]
+    Heeded,
+    /// Colours are sRGB whatever they say.
+    Ignored,
+}
+
 /// Decodes an image that errors call `object`, charging its size to `budget` (bytes left for all
 /// textures).
 pub(super) fn decode(
     source: &Source,
     object: &str,
     bytes: &[u8],
+    profiles: Profiles,
     budget: &mut u64,
 ) -> Result<Image, MeshError> {
     let format = match image::guess_format(bytes) {
@@ -53,7 +66,7 @@ pub(super) fn decode(
     // The pixels have their own limits below; this is for rows and metadata.
     bounds.max_alloc = Some(DECODER_BYTES + 8 * u64::from(limits.texture_edge));
     reader.limits(bounds);
-    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels > limits.texture_pixels {
@@ -64,13 +77,23 @@ pub(super) fn decode(
         decoder.color_type(),
         ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
     );
-    let cost = Image::bytes(width, height, deep);
+    let codes = match profiles {
+        Profiles::Ignored => None,
+        #[cfg(any(feature = "obj", feature = "ply", feature = "3mf", feature = "stl"))]
+        Profiles::Heeded => codes_of(source, object, decoder.icc_profile().map_err(undecodable)?)?,
+    };
+    let cost = Image::bytes(width, height, deep || codes.is_some());
     if cost > *budget {
         let reason = format!("it takes {cost} bytes decoded; {budget} of {} are left", limits.texture_bytes);
         return Err(too_large(reason, "texture_bytes"));
     }
     *budget -= cost;
     let picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    if let Some(codes) = codes {
+        // Eight bits times 257 are the same share of sixteen.
+        let texels: Vec<[u16; 3]> = picture.into_rgb16().pixels().map(|p| p.0).collect();
+        return Image::from_linear16(width, height, codes.linear(&texels));
+    }
     if deep {
         let texels = picture.into_rgb16().pixels().map(|p| p.0.map(linear16)).collect();
         Image::from_linear16(width, height, texels)

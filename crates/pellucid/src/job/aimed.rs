@@ -30,6 +30,12 @@ const UPSAMPLED: usize = 4096;
 /// An ink model that artefacts share.
 pub type SharedInk = Arc<dyn InkModel + Send + Sync>;
 
+/// Colours of thick prints, and of parts by their thickness.
+pub(super) struct ColorTables {
+    ink: Arc<GamutInk>,
+    by_thickness: ThicknessGamut,
+}
+
 /// What the print should look like under one more light.
 #[derive(Clone)]
 pub struct FurtherAim {
@@ -108,12 +114,22 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Color`] when the materials make no mixtures, [`PrintError::Cancelled`].
     pub fn aim(&self, placed: Placed, monitor: &Monitor<'_>) -> Result<Aimed, PrintError> {
-        monitor.run(Stage::Color, |control| self.aim_within(placed, control))
+        monitor.run(Stage::Color, |control| {
+            let tables = self.color_tables(control)?;
+            self.aim_by(&tables, placed, control)
+        })
     }
 
-    fn aim_within(&self, placed: Placed, control: &Control<'_>) -> Result<Aimed, PrintError> {
+    /// [`PrintJob::aim`] by tables that are there already.
+    pub(super) fn aim_by(
+        &self,
+        tables: &ColorTables,
+        placed: Placed,
+        control: &Control<'_>,
+    ) -> Result<Aimed, PrintError> {
         let s = &self.settings;
-        let (gamut, by_thickness) = self.gamuts(control)?;
+        let ColorTables { ink, by_thickness } = tables;
+        let gamut = ink.gamut();
         let viewing = gamut.model().viewing();
         let white = MediaWhite::new(gamut.model().media_white())?;
         let intent = match s.absolute {
@@ -143,7 +159,7 @@ impl PrintJob {
             object: Arc::new(object),
             solid: placed.solid,
             nearest: placed.nearest,
-            ink: Arc::new(GamutInk::new(gamut, &s.materials)),
+            ink: Arc::clone(ink) as SharedInk,
             viewing,
             target,
             gamut_target,
@@ -200,14 +216,14 @@ impl PrintJob {
             .collect())
     }
 
-    /// Colours of thick prints, and of parts by their thickness.
-    fn gamuts(&self, control: &Control<'_>) -> Result<(Gamut, ThicknessGamut), PrintError> {
+    /// What the job's materials can show, whatever the object.
+    pub(super) fn color_tables(&self, control: &Control<'_>) -> Result<ColorTables, PrintError> {
         let s = &self.settings;
         let options = MatchOptions::default();
         let thick = MixtureModel::under(&s.materials, "white", s.refractive_index, s.illuminant)?;
         let by_thickness =
             ThicknessGamut::build(&thick, &DEFAULT_THICKNESSES_MM, options, THIN_NODES, control)?;
         let gamut = Gamut::build(thick, options, DEFAULT_NODES, &control.silent())?;
-        Ok((gamut, by_thickness))
+        Ok(ColorTables { ink: Arc::new(GamutInk::new(gamut, &s.materials)), by_thickness })
     }
 }

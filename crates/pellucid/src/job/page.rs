@@ -1,11 +1,11 @@
-//! The proof page of a prepared print.
+//! The pages of prepared prints, slices and previews.
 
 use pellucid_core::Control;
 use pellucid_proof::ERROR_SCALE;
 use pellucid_proof::page::{FieldValues, PageField, PageSize, ProofPage};
 use pellucid_slice::RowOrder;
 
-use crate::job::SlicesProof;
+use crate::job::{Preview, SlicesProof};
 use crate::{Prepared, PrintError};
 
 /// Most CIEDE2000 that the page keeps: steps of 0.2.
@@ -25,24 +25,9 @@ pub(super) fn page_of(prepared: &Prepared, control: &Control<'_>) -> Result<Proo
         ("unrefined", "Unrefined", unrefined),
         ("refined", "Refined", refined),
     ];
-    let part = |state: usize, i: usize| judged.error_parts[state].iter().map(|p| p[i]).collect();
-    let sum = |state: usize| judged.error_parts[state].iter().map(|p| p.iter().sum()).collect();
-    let errors: [(&str, &str, Vec<f32>); 5] = [
-        ("error", "Error", sum(1)),
-        ("gamut", "Out of gamut", part(1, 0)),
-        ("thin", "Too thin", part(1, 1)),
-        ("cross_talk", "Cross-talk", part(1, 2)),
-        ("error_unrefined", "Error, unrefined", sum(0)),
-    ];
-    let mut fields: Vec<PageField<'_>> = Vec::new();
-    for (key, label, colors) in colors {
-        fields.push(PageField { key, label, values: FieldValues::Colors(colors) });
-    }
-    for (key, label, values) in &errors {
-        let (most, shown, unit) = (MOST_ERROR, ERROR_SCALE, "dE2000");
-        fields.push(PageField { key, label, values: FieldValues::Quantity { values, most, shown, unit } });
-    }
-    fields.push(thickness(&aimed.thickness_mm));
+    let mut errors = errors_in_parts(&judged.error_parts[1]);
+    errors.push(("error_unrefined", "Error, unrefined", sums(&judged.error_parts[0])));
+    let fields = fields_of(&colors, &errors, &aimed.thickness_mm);
     let highest_first = prepared.record.settings.printer.row_order() == RowOrder::HighestYFirst;
     let (labels, surface) = (&prepared.refined.labels, aimed.object.surface());
     Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
@@ -55,6 +40,56 @@ pub(super) fn page_of_slices(proof: &SlicesProof, control: &Control<'_>) -> Resu
     let highest_first = proof.manifest.row_order == RowOrder::HighestYFirst;
     let (labels, surface) = (&proof.labels, proof.object.surface());
     Ok(ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?)
+}
+
+/// Packs what is known before refinement: there are no slices to look at.
+pub(super) fn page_of_preview(preview: &Preview, control: &Control<'_>) -> Result<ProofPage, PrintError> {
+    let aimed = &preview.aimed;
+    let colors = [
+        ("target", "Target", &aimed.target),
+        ("printable", "Printable target", &aimed.printable_target),
+        ("unrefined", "Unrefined", &preview.appearance),
+    ];
+    let errors = errors_in_parts(&preview.error_parts);
+    let fields = fields_of(&colors, &errors, &aimed.thickness_mm);
+    let size = PageSize::default();
+    Ok(ProofPage::of_surface(&preview.unrefined, aimed.object.surface(), &fields, size, control)?)
+}
+
+/// An error's name for programs, that for people, and its values.
+type Errors = (&'static str, &'static str, Vec<f32>);
+
+fn sums(parts: &[[f32; 3]]) -> Vec<f32> {
+    parts.iter().map(|p| p.iter().sum()).collect()
+}
+
+fn errors_in_parts(parts: &[[f32; 3]]) -> Vec<Errors> {
+    let part = |i: usize| parts.iter().map(|p| p[i]).collect();
+    vec![
+        ("error", "Error", sums(parts)),
+        ("gamut", "Out of gamut", part(0)),
+        ("thin", "Too thin", part(1)),
+        ("cross_talk", "Cross-talk", part(2)),
+    ]
+}
+
+/// Colours, errors and thickness.
+fn fields_of<'a>(
+    colors: &[(&'a str, &'a str, &'a Vec<[f32; 3]>)],
+    errors: &'a [Errors],
+    thickness_mm: &'a [f32],
+) -> Vec<PageField<'a>> {
+    let of_colors = |&(key, label, colors): &(&'a str, &'a str, &'a Vec<[f32; 3]>)| PageField {
+        key,
+        label,
+        values: FieldValues::Colors(colors),
+    };
+    let of_errors = |(key, label, values): &'a Errors| {
+        let (most, shown, unit) = (MOST_ERROR, ERROR_SCALE, "dE2000");
+        PageField { key, label, values: FieldValues::Quantity { values, most, shown, unit } }
+    };
+    let colors = colors.iter().map(of_colors).chain(errors.iter().map(of_errors));
+    colors.chain([thickness(thickness_mm)]).collect()
 }
 
 fn thickness(values: &[f32]) -> PageField<'_> {

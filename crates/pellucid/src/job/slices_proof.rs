@@ -4,21 +4,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pellucid_color::Viewing;
-use pellucid_core::Control;
 use pellucid_core::staging::{self, OwnFiles, StagedDir};
-use pellucid_predict::{BoundPredictor, Changed, Draw, Object, Pass, Predictor, without_noise};
+use pellucid_predict::Object;
 use pellucid_proof::{Proof, View};
 use pellucid_slice::Manifest;
 use pellucid_voxel::{LabelGrid, Surface, SurfaceOptions, local_thickness_mm};
 use serde::{Deserialize, Serialize};
 
 use crate::job::ProofFiles;
+use crate::job::appearance::Appearance;
 use crate::job::placed::THICK_MM;
 use crate::job::prepared::{REPORT_FILE, write_report};
 use crate::picture_error::PictureError;
 use crate::report::{Resins, StageTime, Thinness};
 use crate::stage::Stage;
-use crate::{Monitor, PrintError, PrintJob, PrintSettings, predictors};
+use crate::{Monitor, PrintError, PrintJob, PrintSettings};
 
 /// Labels and what they look like.
 #[non_exhaustive]
@@ -119,8 +119,8 @@ impl PrintJob {
             monitor.run(Stage::Thickness, |c| local_thickness_mm(&labels, &surface, THICK_MM, c))?;
         let viewing = Viewing::of_print(&s.materials, "white", s.refractive_index, s.illuminant)?;
         let object = Arc::new(Object::new(surface, s.materials.clone(), s.refractive_index)?);
-        let (colors, picture) =
-            monitor.run(Stage::Predict, |c| self.appearance(&labels, &object, &viewing, c))?;
+        let Appearance { colors, picture, .. } =
+            monitor.run(Stage::Predict, |c| self.appearance_by_paths(&labels, &object, &viewing, c))?;
         Ok(SlicesProof {
             name: name.to_owned(),
             settings: s.clone(),
@@ -132,46 +132,6 @@ impl PrintJob {
             picture,
             media_white: viewing.media_white(),
         })
-    }
-
-    /// Appearance of every surface voxel without noise, and its error.
-    fn appearance(
-        &self,
-        labels: &LabelGrid,
-        object: &Arc<Object>,
-        viewing: &Viewing,
-        control: &Control<'_>,
-    ) -> Result<(Vec<[f32; 3]>, PictureError), PrintError> {
-        let s = &self.settings;
-        let silent = control.silent();
-        let bind = |spp: u32| -> Result<Box<dyn BoundPredictor>, PrintError> {
-            let mut bound = predictors::monte_carlo(s, spp)?.bind(Arc::clone(object))?;
-            bound.update(labels, Changed::Unknown, &silent)?;
-            Ok(bound)
-        };
-        let predict = |bound: &dyn BoundPredictor, points: &[u32], pass: u32, control: &Control<'_>| {
-            let mut radiance = vec![0.0; points.len() * object.channels()];
-            bound.predict(points, Draw::new(s.seed, Pass::Judge(pass)), &mut radiance, control)?;
-            Ok::<_, PrintError>(radiance)
-        };
-        let (all, bound) = (object.points(), bind(s.judge_spp)?);
-        let half = |pass: u32| {
-            let progress = |done: u64, total: u64| control.report(u64::from(pass) * total + done, 3 * total);
-            let radiance = predict(&*bound, &all, pass, &silent.with_progress(&progress))?;
-            let shown = radiance.chunks_exact(object.channels()).map(|l| viewing.relative_rgb(l));
-            Ok::<_, PrintError>(shown.collect::<Vec<_>>())
-        };
-        let halves = [half(0)?, half(1)?];
-        let shown = halves.each_ref().map(Vec::as_slice);
-        let colors = without_noise(object, labels, viewing.leading_channels(), shown, &silent)?;
-        let precise = bind(s.judge_point_spp)?;
-        // Spread over the list of surface voxels, and so over the surface.
-        let count = all.len().min(s.judge.points as usize);
-        let points: Vec<u32> = (0..count).map(|i| all[i * all.len() / count]).collect();
-        let halves = [predict(&*precise, &points, 2, &silent)?, predict(&*precise, &points, 3, &silent)?];
-        control.report(1, 1);
-        let picture = PictureError::of(&colors, &points, &halves, viewing);
-        Ok((colors, picture))
     }
 }
 

@@ -78,7 +78,7 @@ function showView(viewer) {
   viewer.drawn = () => placeMarker(viewer);
   viewer.listen((vertex) => showPick(viewer, vertex));
   new ResizeObserver(() => viewer.ask()).observe(viewer.canvas);
-  choose(viewer.field("refined") ? "refined" : fields[0].key);
+  choose(["refined", "unrefined", fields[0].key].find((key) => viewer.field(key)));
   return choose;
 }
 
@@ -226,12 +226,12 @@ function saveButtons(manifest) {
   for (const button of document.querySelectorAll("[data-save]")) {
     button.addEventListener("click", () => {
       const text = JSON.stringify(texts[button.dataset.save], null, 2) + "\n";
-      const link = make("a", { href: URL.createObjectURL(new Blob([text])), download: `${button.dataset.save}.json` });
+      const link = make("a", { href: URL.createObjectURL(new Blob([text])), download: button.textContent.replace("Save ", "") });
       link.click();
       URL.revokeObjectURL(link.href);
     });
   }
-  element("record").textContent = JSON.stringify(manifest.settings ?? manifest, null, 2);
+  element("record").textContent = JSON.stringify(manifest?.settings ?? manifest ?? REPORT.record.settings, null, 2);
 }
 
 async function start() {
@@ -240,7 +240,7 @@ async function start() {
   const manifest = jsonOf("manifest");
   showCharts();
   saveButtons(manifest);
-  const layers = showLayers(contents.slices, manifest);
+  const layers = contents.slices && showLayers(contents.slices, manifest);
   try {
     const viewer = new Viewer(element("view"), await readSurface(contents.surface), contents.scale);
     showFindings(viewer, showView(viewer));
