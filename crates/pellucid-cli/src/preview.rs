@@ -50,7 +50,9 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
             force = true;
             let [x, ..] = report.pitch_mm;
             let place = args.out.display();
-            terminal::note(format!("a coarse preview, by voxels of {x:.2} mm, is in {place}; a finer one follows"));
+            terminal::note(format!(
+                "a coarse preview, by voxels of {x:.2} mm, is in {place}; a finer one follows"
+            ));
             Ok(())
         },
         &monitor,

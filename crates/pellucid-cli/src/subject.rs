@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use pellucid::color::spectrum::Illuminant;
 use pellucid::core::InstructionSet;
 use pellucid::core::files::read_text_bounded;
-use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis, import::Format};
+use pellucid::mesh::import::{Format, IccProfile};
+use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis};
 use pellucid::stage::{Observer, Stage};
 use pellucid::{ModelRecord, PrintSettings, Record};
 
@@ -32,6 +33,9 @@ pub struct Subject {
     /// Colour, rrggbb, of what has none in the model's file, such as all of an STL; white without it
     #[arg(long, value_name = "RRGGBB", value_parser = arguments::color)]
     color: Option<[f32; 3]>,
+    /// ICC profile of the model's textures where they embed none; sRGB without it. Not for glTF, whose textures are sRGB
+    #[arg(long, value_name = "FILE")]
+    icc: Option<PathBuf>,
     /// Height of the print in mm; the model's own size without it
     #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true)]
     height_mm: Option<f64>,
@@ -79,7 +83,8 @@ impl Subject {
             None => (PrintSettings::default(), None),
             Some(file) => {
                 let text = read_text_bounded(file, SETTINGS_LIMIT)?;
-                let named = |e| Failure::message(format!("{}: {}", file.display(), pellucid::core::chain(&e)));
+                let named =
+                    |e| Failure::message(format!("{}: {}", file.display(), pellucid::core::chain(&e)));
                 Record::settings_from_json(&text).map_err(named)?
             }
         };
@@ -109,10 +114,11 @@ impl Subject {
     /// The model, read as the arguments say; without a word of theirs, and if it is the model of an earlier
     /// print, as it was read then.
     pub fn import(&self, earlier: Option<&Record>, bars: &Bars) -> Result<Model, Failure> {
-        let options = ImportOptions { unit: self.unit, up: self.up, ..ImportOptions::default() };
+        let icc = self.icc.as_ref().map(IccProfile::load).transpose()?;
+        let options = ImportOptions { unit: self.unit, up: self.up, icc, ..ImportOptions::default() };
         let options = ImportOptions { color: self.color.unwrap_or(options.color), ..options };
         bars.begin(Stage::Import);
-        let imported = options.import_path(&self.model).map(|model| self.as_then(earlier, model));
+        let imported = options.import_path(&self.model).map(|model| self.as_then(earlier, model, &options));
         bars.end(Stage::Import);
         let model = imported?;
         // What an earlier print was made with needs no note.
@@ -137,18 +143,16 @@ impl Subject {
 
     /// The model read as an earlier print did, if that makes it the same model and no argument asks for
     /// something else.
-    fn as_then(&self, earlier: Option<&Record>, model: Model) -> Model {
+    fn as_then(&self, earlier: Option<&Record>, model: Model, options: &ImportOptions) -> Model {
         let asked = self.unit.is_some() || self.up.is_some() || self.color.is_some();
-        let Some((record, then)) = earlier.and_then(|e| Some((&e.model, e.model.read_as?))) else { return model };
+        let Some((record, then)) = earlier.and_then(|e| Some((&e.model, e.model.read_as?))) else {
+            return model;
+        };
         if asked || model.read_as() == Some(&then) {
             return model;
         }
-        let options = ImportOptions {
-            unit: Some(then.unit),
-            up: Some(then.up),
-            color: then.color,
-            ..ImportOptions::default()
-        };
+        let options =
+            ImportOptions { unit: Some(then.unit), up: Some(then.up), color: then.color, ..options.clone() };
         let again = options.import_path(&self.model).ok();
         again.filter(|again| ModelRecord::of(again).digest == record.digest).unwrap_or(model)
     }

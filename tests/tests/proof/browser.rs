@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use crate::preview::{of_a_ball, written};
 use crate::webdriver::Browser;
 use crate::{PRINT, Print, plain, shown};
 
@@ -66,6 +67,24 @@ fn the_page_works_in_a_browser() {
     themes_differ(&browser);
     a_phone_has_room(&browser);
     nothing_was_asked_for(&browser, print);
+    a_preview_opens(&browser);
+}
+
+/// A preview has views and findings, and no slices.
+fn a_preview_opens(browser: &Browser) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("preview");
+    written(&of_a_ball(2.0), &out);
+    browser.open(&out.join("preview.html"));
+    browser.wait_for("document.documentElement.dataset.ready");
+    assert_eq!(browser.run("return document.documentElement.viewer.left"), "unrefined");
+    let before = look(browser);
+    browser.click("[data-show=cross_talk]");
+    assert!(apart(&look(browser)["mean"], &before["mean"]) > 0.1);
+    assert_eq!(browser.run("return document.getElementById('slice')"), Value::Null);
+    let mut complaints = browser.log("browser");
+    complaints.retain(|entry| entry["source"] != "rendering");
+    assert!(complaints.is_empty(), "{complaints:?}");
 }
 
 fn views_switch(browser: &Browser) {

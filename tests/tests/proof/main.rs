@@ -4,6 +4,7 @@
 mod browser;
 mod figures;
 mod model;
+mod preview;
 mod webdriver;
 
 use std::path::PathBuf;

@@ -3,6 +3,7 @@
 mod calibrate;
 mod common;
 mod prepare;
+mod preview;
 mod proof;
 mod texture;
 mod training;

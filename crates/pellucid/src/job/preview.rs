@@ -100,7 +100,7 @@ impl PrintJob {
     /// Shows what a model would look like without refinement, where its colours are out of reach and its parts too thin:
     /// the halftone that refinement starts from, predicted by the network where this build has it and it was trained for
     /// such prints, else by a few paths whose noise is taken out. Of all but small prints `coarse` first gets a preview by
-    /// larger voxels, after about a third of the time; its error ends the job.
+    /// larger voxels, after about a third of the time, with a monitor of that one's times; its error ends the job.
     ///
     /// ```
     /// use pellucid::job::PreviewDetail;
@@ -114,7 +114,7 @@ impl PrintJob {
     /// let model = import_slice("triangle.gltf", gltf, None, &ImportLimits::default())?;
     /// let settings = PrintSettings { scale: Scale::HeightMm(1.0), ..PrintSettings::default() };
     /// let monitor = Monitor::silent();
-    /// let preview = PrintJob::new(settings)?.preview(&model, |_coarse| Ok(()), &monitor)?;
+    /// let preview = PrintJob::new(settings)?.preview(&model, |_coarse, _monitor| Ok(()), &monitor)?;
     /// assert_eq!(preview.detail, PreviewDetail::Full);
     /// assert!(preview.report(&monitor).thin.below_1_mm > 0.9, "a sheet, one voxel thick");
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -221,9 +221,9 @@ impl Preview {
         }
     }
 
-    /// Writes `preview.json`, `preview.png` (rows: front and back; columns: target, printable target, unrefined) and what
-    /// `files` says (`preview.html`, `preview.glb`) into the folder `dir`, which appears complete or not at all, and
-    /// returns the report.
+    /// Writes `preview.json`, `preview.png` (rows: front and back; columns: target, printable target, unrefined; not of a
+    /// coarse one) and what `files` says (`preview.html`, `preview.glb`) into the folder `dir`, which appears complete or
+    /// not at all, and returns the report.
     ///
     /// # Errors
     /// As [`Prepared::write_with`](crate::Prepared::write_with); nothing is left behind then.
@@ -267,8 +267,11 @@ impl Preview {
             ("unrefined", &self.appearance),
         ];
         let (views, edge) = (View::front_and_back(), self.record.settings.proof_edge);
-        let proof = Proof::draw(&self.unrefined, surface, &views, edge, &states, control)?;
-        proof.write_png(folder.join("preview.png"), control)?;
+        // A coarse one is soon replaced.
+        if self.detail == PreviewDetail::Full {
+            let proof = Proof::draw(&self.unrefined, surface, &views, edge, &states, control)?;
+            proof.write_png(folder.join("preview.png"), control)?;
+        }
         #[cfg(feature = "glb")]
         if files.glb {
             let look = |name, colors| pellucid_proof::glb::Look { name, colors };
