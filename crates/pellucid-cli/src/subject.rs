@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use pellucid::color::RenderingIntent;
 use pellucid::color::spectrum::Illuminant;
 use pellucid::core::InstructionSet;
 use pellucid::core::files::read_text_bounded;
@@ -68,6 +69,10 @@ pub struct Subject {
     /// Aim at the texture's absolute colours instead of colours relative to the print's white
     #[arg(long)]
     absolute: bool,
+    /// What pictures and page show as white: relative, the print's white, or absolute, a perfect one beside which the
+    /// print's is seen; relative without it
+    #[arg(long, value_name = "INTENT", value_parser = arguments::intent)]
+    intent: Option<RenderingIntent>,
 }
 
 impl Subject {
@@ -108,6 +113,7 @@ impl Subject {
         settings.seed = self.seed.unwrap_or(settings.seed);
         settings.instruction_set = self.instruction_set.or(settings.instruction_set);
         settings.absolute |= self.absolute;
+        settings.proof_intent = self.intent.unwrap_or(settings.proof_intent);
         Ok((settings, earlier))
     }
 

@@ -3,6 +3,7 @@
 
 mod browser;
 mod figures;
+mod lights;
 mod model;
 mod preview;
 mod webdriver;

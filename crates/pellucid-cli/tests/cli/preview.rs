@@ -23,11 +23,20 @@ fn a_preview_is_written_told_and_prepared_from() {
     // Only with --force, and never what is not a preview's.
     let again = run(&["preview", &model, "--out", &out]);
     assert!(!again.status.success() && stderr(&again).contains("already exists"), "{}", stderr(&again));
+    let picture = || fs::read(format!("{out}/preview.png")).unwrap();
+    let relative = picture();
+    let done = run(&["preview", &model, "--out", &out, "--force", "--seed", "3", "--intent", "absolute"]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(picture() != relative, "the print's white is no perfect one");
     let done = run(&["preview", &model, "--out", &out, "--force", "--absolute"]);
     assert!(done.status.success(), "{}", stderr(&done));
     fs::write(format!("{out}/notes.txt"), "mine").unwrap();
     let again = run(&["preview", &model, "--out", &out, "--force"]);
     assert!(stderr(&again).contains("notes.txt"), "{}", stderr(&again));
+
+    // glTF has no profiles.
+    let done = run(&["preview", &model, "--out", &path("icc"), "--icc", &model]);
+    assert!(stderr(&done).contains("ICC profile"), "{}", stderr(&done));
 
     // Its settings are those of the print.
     let (settings, print) = (format!("{out}/preview.json"), path("print"));

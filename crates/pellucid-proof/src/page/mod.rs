@@ -63,7 +63,7 @@ impl Default for PageSize {
 /// let none = Control::none();
 /// let surface = Surface::extract(&grid, &SurfaceOptions::default(), &none)?;
 /// let colors = vec![[0.8, 0.4, 0.1]; surface.len()];
-/// let fields = [PageField { key: "refined", label: "Refined", values: FieldValues::Colors(&colors) }];
+/// let fields = [PageField { key: "refined", label: "Refined", under: None, values: FieldValues::Colors(&colors) }];
 /// let page = ProofPage::new(&grid, &surface, &fields, true, PageSize::default(), &none)?;
 /// let manifest = serde_json::json!({
 ///     "generator": "doc", "target": "j750", "pitch_mm": [0.0423, 0.0847, 0.027], "dpi": [600, 300, 940.7],

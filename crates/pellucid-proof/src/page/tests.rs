@@ -30,10 +30,11 @@ fn page(size: PageSize) -> ProofPage {
     let colors: Vec<[f32; 3]> = surface.normals().iter().map(|n| n.map(|v| 0.5 + 0.4 * v)).collect();
     let values: Vec<f32> = surface.voxels().iter().map(|v| v[2] as f32).collect();
     let fields = [
-        PageField { key: "refined", label: "Refined", values: FieldValues::Colors(&colors) },
+        PageField { key: "refined", label: "Refined", under: None, values: FieldValues::Colors(&colors) },
         PageField {
             key: "error",
             label: "Error",
+            under: None,
             values: FieldValues::Quantity { values: &values, most: 51.0, shown: 20.0, unit: "dE2000" },
         },
     ];

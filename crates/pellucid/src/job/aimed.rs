@@ -43,7 +43,9 @@ pub struct FurtherAim {
     pub illuminant: Illuminant,
     /// From radiance to colour under it.
     pub viewing: Viewing,
-    /// What each surface voxel should show and can, relative to the print's white under that light.
+    /// What each surface voxel should show, relative to the print's white under that light.
+    pub target: Vec<[f32; 3]>,
+    /// What it should show and can.
     pub printable_target: Vec<[f32; 3]>,
 }
 
@@ -152,7 +154,7 @@ impl PrintJob {
         let (gamut_target, printable_target): (Vec<_>, Vec<_>) =
             reached.map(|[thick, own]| (thick, own)).unzip();
         control.check()?;
-        let further = self.further(&viewing, &printable_target, control)?;
+        let further = self.further(&viewing, [&target, &printable_target], control)?;
         let object = Object::new(placed.surface, s.materials.clone(), s.refractive_index)?;
         Ok(Aimed {
             model: placed.model,
@@ -172,11 +174,12 @@ impl PrintJob {
         })
     }
 
-    /// The targets under further lights: those of the smooth reflectances that look like the targets in `viewing`.
+    /// Targets as given and printable ones under further lights: those of the smooth reflectances that look like them in
+    /// `viewing`.
     fn further(
         &self,
         viewing: &Viewing,
-        target: &[[f32; 3]],
+        targets: [&[[f32; 3]]; 2],
         control: &Control<'_>,
     ) -> Result<Vec<FurtherAim>, PrintError> {
         let s = &self.settings;
@@ -190,30 +193,15 @@ impl PrintJob {
         let upsampling = Upsampling::new(bands, viewing, &white)?;
         let viewings = s.also_under.iter().map(|&light| Viewing::new(bands, light, &white));
         let viewings: Vec<Viewing> = viewings.collect::<Result<_, _>>()?;
-        let mut targets = vec![vec![[0.0; 3]; target.len()]; viewings.len()];
-        // In parts, for cancellation.
-        for start in (0..target.len()).step_by(UPSAMPLED) {
-            control.check()?;
-            let part = start..target.len().min(start + UPSAMPLED);
-            let seen: Vec<Vec<[f32; 3]>> = target[part.clone()]
-                .par_iter()
-                .map(|&rgb| {
-                    let radiance = upsampling.radiance(rgb);
-                    viewings.iter().map(|viewing| viewing.relative_rgb(&radiance)).collect()
-                })
-                .collect();
-            for (i, seen) in part.zip(seen) {
-                targets.iter_mut().zip(seen).for_each(|(target, rgb)| target[i] = rgb);
-            }
-        }
-        let each = s.also_under.iter().zip(viewings).zip(targets);
-        Ok(each
-            .map(|((&illuminant, viewing), printable_target)| FurtherAim {
-                illuminant,
-                viewing,
-                printable_target,
-            })
-            .collect())
+        let [given, printable] = targets.map(|target| under_each(&upsampling, &viewings, target, control));
+        let each = s.also_under.iter().zip(viewings).zip(given?.into_iter().zip(printable?));
+        let aim = |((&illuminant, viewing), (target, printable_target))| FurtherAim {
+            illuminant,
+            viewing,
+            target,
+            printable_target,
+        };
+        Ok(each.map(aim).collect())
     }
 
     /// What the job's materials can show, whatever the object.
@@ -226,4 +214,30 @@ impl PrintJob {
         let gamut = Gamut::build(thick, options, DEFAULT_NODES, &control.silent())?;
         Ok(ColorTables { ink: Arc::new(GamutInk::new(gamut, &s.materials)), by_thickness })
     }
+}
+
+/// Colours in several viewings, `[viewing][colour]`, of the smooth reflectances that have them in the upsampling's.
+fn under_each(
+    upsampling: &Upsampling,
+    viewings: &[Viewing],
+    colors: &[[f32; 3]],
+    control: &Control<'_>,
+) -> Result<Vec<Vec<[f32; 3]>>, PrintError> {
+    let mut found = vec![vec![[0.0; 3]; colors.len()]; viewings.len()];
+    // In parts, for cancellation.
+    for start in (0..colors.len()).step_by(UPSAMPLED) {
+        control.check()?;
+        let part = start..colors.len().min(start + UPSAMPLED);
+        let seen: Vec<Vec<[f32; 3]>> = colors[part.clone()]
+            .par_iter()
+            .map(|&rgb| {
+                let radiance = upsampling.radiance(rgb);
+                viewings.iter().map(|viewing| viewing.relative_rgb(&radiance)).collect()
+            })
+            .collect();
+        for (i, seen) in part.zip(seen) {
+            found.iter_mut().zip(seen).for_each(|(found, rgb)| found[i] = rgb);
+        }
+    }
+    Ok(found)
 }

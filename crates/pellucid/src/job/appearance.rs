@@ -1,8 +1,9 @@
 //! What labels look like, for the eye: every surface voxel without noise, and how far off that is.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use pellucid_color::Viewing;
+use pellucid_color::{RenderingIntent, Viewing};
 use pellucid_core::Control;
 use pellucid_predict::{
     BoundPredictor, Changed, Draw, Identity, Object, Pass, Predictor, predict_all, without_noise,
@@ -11,6 +12,21 @@ use pellucid_voxel::LabelGrid;
 
 use crate::picture_error::PictureError;
 use crate::{PrintError, PrintJob, predictors};
+
+/// Colours as pictures show them: relative to the print's white, or beside a perfect one.
+pub(super) fn pictured<'a>(
+    colors: &'a [[f32; 3]],
+    intent: RenderingIntent,
+    viewing: &Viewing,
+) -> Cow<'a, [[f32; 3]]> {
+    let white = viewing.media_white();
+    match intent {
+        RenderingIntent::RelativeColorimetric => Cow::Borrowed(colors),
+        RenderingIntent::AbsoluteColorimetric => {
+            Cow::Owned(colors.iter().map(|rgb| std::array::from_fn(|c| rgb[c] * white[c])).collect())
+        }
+    }
+}
 
 /// Labels as they look.
 pub(super) struct Appearance {
@@ -112,5 +128,21 @@ impl PrintJob {
             Ok::<_, PrintError>(radiance)
         };
         Ok(PictureError::of(colors, &points, &[half(2)?, half(3)?], viewing))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pellucid_color::MediaWhite;
+
+    #[test]
+    fn the_absolute_intent_shows_the_prints_own_white() {
+        let viewing = Viewing::rgb(MediaWhite::new([0.5, 0.8, 0.4]).unwrap());
+        let colors = [[1.0; 3], [0.5, 0.25, 0.0]];
+        let shown = |intent| pictured(&colors, intent, &viewing);
+        assert_eq!(shown(RenderingIntent::RelativeColorimetric)[..], colors);
+        let absolute = shown(RenderingIntent::AbsoluteColorimetric);
+        assert_eq!(absolute[..], [[0.5, 0.8, 0.4], [0.25, 0.2, 0.0]]);
     }
 }

@@ -29,7 +29,7 @@ use crate::workspace::CHOICE;
 use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyKind, Workspace, predictors};
 
 pub use aimed::{Aimed, FurtherAim, SharedInk};
-pub use judged::Judged;
+pub use judged::{Judged, LightLook};
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
 pub use preview::{Preview, PreviewDetail, PreviewReport};

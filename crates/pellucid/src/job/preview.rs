@@ -11,7 +11,7 @@ use pellucid_voxel::{LabelGrid, Pitch};
 use serde::{Deserialize, Serialize};
 
 use crate::job::aimed::ColorTables;
-use crate::job::appearance::Appearance;
+use crate::job::appearance::{Appearance, pictured};
 use crate::job::prepared::write_json;
 use crate::job::{Aimed, ProofFiles};
 use crate::report::{PictureError, StageTime, Thinness};
@@ -261,11 +261,9 @@ impl Preview {
         control: &Control<'_>,
     ) -> Result<(), PrintError> {
         let (aimed, surface) = (&self.aimed, self.aimed.object.surface());
-        let states = [
-            ("target", &aimed.target[..]),
-            ("printable", &aimed.printable_target),
-            ("unrefined", &self.appearance),
-        ];
+        let pictured = |colors| pictured(colors, self.record.settings.proof_intent, &aimed.viewing);
+        let colors = [pictured(&aimed.target), pictured(&aimed.printable_target), pictured(&self.appearance)];
+        let states = [("target", &colors[0][..]), ("printable", &colors[1]), ("unrefined", &colors[2])];
         let (views, edge) = (View::front_and_back(), self.record.settings.proof_edge);
         // A coarse one is soon replaced.
         if self.detail == PreviewDetail::Full {

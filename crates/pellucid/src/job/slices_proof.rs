@@ -12,7 +12,7 @@ use pellucid_voxel::{LabelGrid, Surface, SurfaceOptions, local_thickness_mm};
 use serde::{Deserialize, Serialize};
 
 use crate::job::ProofFiles;
-use crate::job::appearance::Appearance;
+use crate::job::appearance::{Appearance, pictured};
 use crate::job::placed::THICK_MM;
 use crate::job::prepared::{REPORT_FILE, write_report};
 use crate::picture_error::PictureError;
@@ -39,7 +39,7 @@ pub struct SlicesProof {
     pub thickness_mm: Vec<f32>,
     /// How far off the appearance is.
     pub picture: PictureError,
-    media_white: [f32; 3],
+    viewing: Viewing,
 }
 
 /// What a proof from slices reports, written as `report.json`.
@@ -130,7 +130,7 @@ impl PrintJob {
             colors,
             thickness_mm,
             picture,
-            media_white: viewing.media_white(),
+            viewing,
         })
     }
 }
@@ -149,7 +149,7 @@ impl SlicesProof {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             name: self.name.clone(),
             settings: self.settings.clone(),
-            media_white: self.media_white,
+            media_white: self.viewing.media_white(),
             extent_mm: [0, 1, 2].map(extent),
             solid_voxels: self.labels.solid_count(),
             surface_voxels: surface.len() as u64,
@@ -183,7 +183,8 @@ impl SlicesProof {
         files.check()?;
         let staged = StagedDir::begin(dir, force, &own_files())?;
         let surface = self.object.surface();
-        let states = [("print", &self.colors[..])];
+        let colors = pictured(&self.colors, self.settings.proof_intent, &self.viewing);
+        let states = [("print", &colors[..])];
         monitor.run(Stage::Proof, |c| {
             let views = View::front_and_back();
             let proof = Proof::draw(&self.labels, surface, &views, self.settings.proof_edge, &states, c)?;
