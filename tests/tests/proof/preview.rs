@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use pellucid::job::{Preview, PreviewDetail, ProofFiles};
-use pellucid::mesh::Scale;
+use pellucid::mesh::{Model, Scale};
 use pellucid::stage::{Observer, Stage};
 use pellucid::{Monitor, PrintError, PrintJob, PrintSettings};
 use pellucid_tests::{label_digest, patched_ball};
@@ -103,4 +103,20 @@ fn a_small_print_has_no_coarse_one_and_the_callers_error_ends_the_job() {
     let called = |_: &Preview, _: &Monitor<'_>| Err(PrintError::Cancelled);
     assert!(job(1.0).preview(&patched_ball(), called, &Monitor::silent()).is_ok());
     assert!(job(8.0).preview(&patched_ball(), called, &Monitor::silent()).is_err_and(|e| e.is_cancelled()));
+}
+
+#[test]
+fn an_open_mesh_is_shown_where_it_was_closed() {
+    let ball = patched_ball();
+    let kept = ball.triangles()[6..].to_vec();
+    let materials = ball.materials().to_vec();
+    let open = Model::new("open", ball.vertices().to_vec(), kept, materials, Vec::new()).unwrap();
+    let preview = job(2.0).preview(&open, |_, _| Ok(()), &Monitor::silent()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (html, report) = written(&preview, &folder.path().join("preview"));
+    assert!(html.contains("data-show=\"places:holes\""));
+    // Six of the triangles around the upper pole.
+    let hole = report["mesh"]["places"]["holes"][0].as_array().unwrap();
+    let z = hole[2].as_f64().unwrap();
+    assert!((1.9..=2.0).contains(&z), "{hole:?}");
 }
