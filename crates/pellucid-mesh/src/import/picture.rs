@@ -4,7 +4,6 @@ use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
-#[cfg(any(feature = "obj", feature = "ply", feature = "3mf", feature = "stl"))]
 use super::icc::codes_of;
 use super::source::{Source, quoted};
 use crate::MeshError;
@@ -19,7 +18,10 @@ const DECODER_BYTES: u64 = 64 << 20;
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Profiles {
     /// They say what colours are.
-    #[cfg(any(feature = "obj", feature = "ply", feature = "3mf", feature = "stl"))]
+    #[cfg_attr(
+        not(any(feature = "obj", feature = "ply", feature = "3mf")),
+        allow(dead_code, reason = "glTF heeds none, and STL has no textures")
+    )]
     Heeded,
     /// Colours are sRGB whatever they say.
     Ignored,
@@ -79,7 +81,6 @@ pub(super) fn decode(
     );
     let codes = match profiles {
         Profiles::Ignored => None,
-        #[cfg(any(feature = "obj", feature = "ply", feature = "3mf", feature = "stl"))]
         Profiles::Heeded => codes_of(source, object, decoder.icc_profile().map_err(undecodable)?)?,
     };
     let cost = Image::bytes(width, height, deep || codes.is_some());
