@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use pellucid::color::RenderingIntent;
 use pellucid::color::space::srgb_decode;
 use pellucid::color::spectrum::Illuminant;
 use pellucid::mesh::export::MeshFormat;
@@ -95,6 +96,15 @@ pub fn mesh_format(name: &str) -> Result<MeshFormat, String> {
 pub fn illuminant(name: &str) -> Result<Illuminant, String> {
     let known = || Illuminant::ALL.map(Illuminant::name).join(", ");
     Illuminant::from_name(name).ok_or_else(|| format!("a light is one of {}", known()))
+}
+
+/// What proof pictures show as white.
+pub fn intent(name: &str) -> Result<RenderingIntent, String> {
+    match name {
+        "relative" => Ok(RenderingIntent::RelativeColorimetric),
+        "absolute" => Ok(RenderingIntent::AbsoluteColorimetric),
+        _ => Err("an intent is relative or absolute".to_owned()),
+    }
 }
 
 /// A length unit by its symbol.

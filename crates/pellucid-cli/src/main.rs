@@ -7,8 +7,10 @@ mod coupon;
 mod dataset;
 mod failure;
 mod prepare;
+mod preview;
 mod progress;
 mod proof;
+mod subject;
 mod summary;
 mod terminal;
 mod train;
@@ -36,6 +38,8 @@ struct Cli {
 enum Command {
     /// Turn a textured model into printable slices, a soft proof and an error report
     Prepare(Box<prepare::Args>),
+    /// Show within seconds what a model would look like without refinement, and what will not print well
+    Preview(Box<preview::Args>),
     /// Show what slices will look like when they are printed, whatever made them
     Proof(Box<proof::Args>),
     /// Write the slices of a small test print that shows whether a printer mirrors
@@ -64,6 +68,7 @@ fn main() -> ExitCode {
     }
     let result = match cli.command {
         Command::Prepare(args) => prepare::run(&args, &CANCEL),
+        Command::Preview(args) => preview::run(&args, &CANCEL),
         Command::Proof(args) => proof::run(&args, &CANCEL),
         Command::Coupon(args) => coupon::run(&args, &CANCEL),
         Command::Calibrate(command) => calibrate::run(&command, &CANCEL),

@@ -4,32 +4,26 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
-use pellucid::color::spectrum::Illuminant;
-use pellucid::core::files::read_text_bounded;
-use pellucid::core::{InstructionSet, staging};
+use pellucid::core::staging;
 use pellucid::job::ProofFiles;
 use pellucid::mesh::export::MeshFormat;
-use pellucid::mesh::{ImportOptions, LengthUnit, Model, ReadAs, Scale, UpAxis, import::Format};
 use pellucid::predict::NetworkDevice;
 use pellucid::slice::Container;
-use pellucid::stage::{Observer, Stage};
 use pellucid::{
-    GradientKind, ModelRecord, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record,
-    StrategyKind, Workspace,
+    GradientKind, Monitor, NetworkWeights, PredictorKind, PrintJob, PrintSettings, Record, StrategyKind,
+    Workspace,
 };
 
 use crate::progress::{Bars, peak_memory_bytes};
+use crate::subject::Subject;
 use crate::{Failure, arguments, summary, terminal};
-
-/// Most bytes of a settings file or manifest.
-const SETTINGS_LIMIT: u64 = 16 << 20;
 
 /// Arguments of `pellucid prepare`.
 #[derive(clap::Args)]
 #[command(args_override_self = true)]
 pub struct Args {
-    /// A model: glTF 2.0 (.glb, .gltf), OBJ, 3MF, PLY or STL, with its files beside it
-    model: PathBuf,
+    #[command(flatten)]
+    subject: Subject,
     /// Folder to create: slices, manifest.json, report.json, proof.html, proof.glb, proof.png, proof.exr, error.png
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -39,44 +33,9 @@ pub struct Args {
     /// What that model is written as: glb, obj or 3mf; as the model's own file without it
     #[arg(long, value_name = "FORMAT", value_parser = arguments::mesh_format)]
     texture_format: Option<MeshFormat>,
-    /// Settings of a JSON file, or those of an earlier print's manifest.json; other options go before it
-    #[arg(long, value_name = "FILE")]
-    settings: Option<PathBuf>,
-    /// Length of one unit in the model's file: um, mm, cm, in, ft or m; the format's without it
-    #[arg(long, value_name = "UNIT", value_parser = arguments::length_unit)]
-    unit: Option<LengthUnit>,
-    /// Axis that points up in the model's file, y or z; the format's without it
-    #[arg(long, value_name = "AXIS", value_parser = arguments::up_axis)]
-    up: Option<UpAxis>,
-    /// Colour, rrggbb, of what has none in the model's file, such as all of an STL; white without it
-    #[arg(long, value_name = "RRGGBB", value_parser = arguments::color)]
-    color: Option<[f32; 3]>,
-    /// Height of the print in mm; the model's own size without it
-    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true)]
-    height_mm: Option<f64>,
-    /// Width of the print in mm, along x, instead of its height
-    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true,
-          conflicts_with = "height_mm")]
-    width_mm: Option<f64>,
-    /// Printer: j750, j750-high-quality-vivid and so on, or the file of a profile
-    #[arg(long, value_name = "NAME|FILE")]
-    printer: Option<String>,
     /// What the slices are written as: png (a folder of them), gcvf, nrrd or npy; png without it
     #[arg(long, value_name = "FORMAT", value_parser = arguments::format)]
     format: Option<Container>,
-    /// Materials in a file; cyan, magenta, yellow, black and white without it
-    #[arg(long, value_name = "FILE")]
-    materials: Option<PathBuf>,
-    /// Lights that the print should look right under, such as D65,A,LED, for materials of many bands: D65, D50, E, A, F11,
-    /// LED. The first is the one it is judged under; D65 without it
-    #[arg(long, value_name = "LIGHT,…", value_delimiter = ',', value_parser = arguments::illuminant)]
-    illuminants: Vec<Illuminant>,
-    /// Print what is see-through (alpha below one half) in the printer's clear resin; without it all is opaque
-    #[arg(long)]
-    clear_from_alpha: bool,
-    /// Refractive index of the printed surface; 1.5 without it
-    #[arg(long, value_name = "N", value_parser = arguments::refractive_index, allow_hyphen_values = true)]
-    refractive_index: Option<f64>,
     /// Appearance predictor of the refinement; mc without it
     #[arg(long, value_enum)]
     predictor: Option<Predictor>,
@@ -95,18 +54,6 @@ pub struct Args {
     /// Refinement iterations at most; 40 without it, 10 of surface-first. 0 leaves the unrefined halftone
     #[arg(long, value_name = "N", value_parser = arguments::count, allow_hyphen_values = true)]
     iterations: Option<u32>,
-    /// Seed of everything random; the same seed gives the same slices
-    #[arg(long, value_name = "N", value_parser = arguments::seed, allow_hyphen_values = true)]
-    seed: Option<u64>,
-    /// Vector instructions: portable, avx2, avx512 or avx512bf16; the best there are without it
-    #[arg(long, value_name = "SET", value_parser = instruction_set)]
-    instruction_set: Option<InstructionSet>,
-    /// Worker threads; all cores without it. Does not change the result
-    #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
-    threads: Option<u32>,
-    /// Aim at the texture's absolute colours instead of colours relative to the print's white
-    #[arg(long)]
-    absolute: bool,
     /// Go on with an interrupted job of the same settings and model
     #[arg(long)]
     resume: bool,
@@ -148,13 +95,9 @@ fn device(name: &str) -> Result<NetworkDevice, String> {
         .ok_or_else(|| format!("a device is {}", NetworkDevice::ALL.map(NetworkDevice::name).join(", ")))
 }
 
-fn instruction_set(name: &str) -> Result<InstructionSet, String> {
-    name.parse().map_err(|e: pellucid::core::Fault| e.to_string())
-}
-
 /// Runs the command.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
-    arguments::use_threads(args.threads)?;
+    args.subject.use_threads()?;
     let (settings, earlier) = settings(args)?;
     let job = PrintJob::new(settings)?;
     match args.output {
@@ -167,10 +110,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     let workspace = workspace(args)?;
 
     let bars = Bars::new();
-    let model = import(args, job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
-    if let Some(earlier) = earlier {
-        warn_of_another(&model, &earlier);
-    }
+    let model = args.subject.import(job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
     let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
     let result = job.prepare(&model, &workspace, &monitor).and_then(|prepared| match args.output {
         Output::Slices => prepared.write_with(ProofFiles::built(), &args.out, args.force, &monitor),
@@ -191,31 +131,8 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
 
 /// Settings of the file, where there is one, under those of the arguments.
 fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
-    let (mut settings, earlier) = match &args.settings {
-        None => (PrintSettings::default(), None),
-        Some(file) => {
-            let text = read_text_bounded(file, SETTINGS_LIMIT)?;
-            let named = |e| Failure::message(format!("{}: {}", file.display(), pellucid::core::chain(&e)));
-            Record::settings_from_json(&text).map_err(named)?
-        }
-    };
-    if let Some(mm) = args.height_mm {
-        settings.scale = Scale::HeightMm(mm);
-    }
-    if let Some(mm) = args.width_mm {
-        settings.scale = Scale::WidthMm(mm);
-    }
-    if let Some(printer) = &args.printer {
-        settings.printer = arguments::printer(printer)?;
-    }
+    let (mut settings, earlier) = args.subject.settings()?;
     settings.format = args.format.unwrap_or(settings.format);
-    if let Some(file) = &args.materials {
-        settings.materials = arguments::materials(file)?;
-    }
-    if let Some((&first, further)) = args.illuminants.split_first() {
-        settings.illuminant = first;
-        settings.also_under = further.to_vec();
-    }
     if let Some(predictor) = args.predictor {
         settings.predictor = match predictor {
             Predictor::Mc => PredictorKind::MonteCarlo,
@@ -250,13 +167,8 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         }
         settings.device = Some(device);
     }
-    settings.clear_from_alpha |= args.clear_from_alpha;
-    settings.refractive_index = args.refractive_index.unwrap_or(settings.refractive_index);
     settings.spp = args.spp.or(settings.spp);
     settings.refine.iterations = args.iterations.or(settings.refine.iterations);
-    settings.seed = args.seed.unwrap_or(settings.seed);
-    settings.instruction_set = args.instruction_set.or(settings.instruction_set);
-    settings.absolute |= args.absolute;
     Ok((settings, earlier))
 }
 
@@ -276,68 +188,6 @@ fn workspace(args: &Args) -> Result<Workspace, Failure> {
         terminal::note("nothing to resume; starting anew");
     }
     Ok(workspace)
-}
-
-/// The model, read as the arguments say; without a word of theirs, and if it is the model of an earlier
-/// print, as it was read then.
-fn import(args: &Args, opacity: bool, earlier: Option<&Record>, bars: &Bars) -> Result<Model, Failure> {
-    let options = ImportOptions { unit: args.unit, up: args.up, opacity, ..ImportOptions::default() };
-    let options = ImportOptions { color: args.color.unwrap_or(options.color), ..options };
-    bars.begin(Stage::Import);
-    let imported = options.import_path(&args.model).map(|model| as_then(args, opacity, earlier, model));
-    bars.end(Stage::Import);
-    let model = imported?;
-    // What an earlier print was made with needs no note.
-    let known = |read_as: &ReadAs| earlier.and_then(|e| e.model.read_as) == Some(*read_as);
-    let asked = args.unit.is_some() || args.up.is_some();
-    if let Some(read_as) = model.read_as().filter(|r| !asked && is_silent(r) && !known(r)) {
-        terminal::note(format!(
-            "note: {} says nothing of units and axes: one unit is taken as 1 {}, {} as up (--unit, --up)",
-            read_as.format.label(),
-            read_as.unit.name(),
-            read_as.up.name()
-        ));
-    }
-    for note in model.notes() {
-        terminal::note(format!("note: {}: {}", note.object, note.text));
-    }
-    Ok(model)
-}
-
-/// Whether files of a format do not say their unit and axes.
-fn is_silent(read_as: &ReadAs) -> bool {
-    !matches!(read_as.format, Format::Gltf | Format::ThreeMf)
-}
-
-/// The model read as an earlier print did, if that makes it the same model and no argument asks for
-/// something else.
-fn as_then(args: &Args, opacity: bool, earlier: Option<&Record>, model: Model) -> Model {
-    let asked = args.unit.is_some() || args.up.is_some() || args.color.is_some();
-    let Some((record, then)) = earlier.and_then(|e| Some((&e.model, e.model.read_as?))) else { return model };
-    if asked || model.read_as() == Some(&then) {
-        return model;
-    }
-    let options = ImportOptions {
-        unit: Some(then.unit),
-        up: Some(then.up),
-        color: then.color,
-        opacity,
-        ..ImportOptions::default()
-    };
-    let again = options.import_path(&args.model).ok();
-    again.filter(|again| ModelRecord::of(again).digest == record.digest).unwrap_or(model)
-}
-
-fn warn_of_another(model: &Model, earlier: &Record) {
-    if ModelRecord::of(model).digest != earlier.model.digest {
-        terminal::note(format!(
-            "warning: the settings were recorded with another model, {:?}; the slices will differ",
-            earlier.model.name
-        ));
-    }
-    if env!("CARGO_PKG_VERSION") != earlier.version {
-        terminal::note(format!("warning: the settings were recorded by version {}", earlier.version));
-    }
 }
 
 /// What a cancelled job leaves.

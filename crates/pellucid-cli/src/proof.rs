@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+use pellucid::color::RenderingIntent;
 use pellucid::core::Control;
 use pellucid::core::files::read_text_bounded;
 use pellucid::job::{ProofFiles, SlicesProof, SlicesReport};
@@ -47,6 +48,10 @@ pub struct Args {
     /// without it
     #[arg(long, value_name = "FILE")]
     palette: Option<PathBuf>,
+    /// What pictures and page show as white: relative, the print's white, or absolute, a perfect one beside which the
+    /// print's is seen; relative without it
+    #[arg(long, value_name = "INTENT", value_parser = arguments::intent)]
+    intent: Option<RenderingIntent>,
     /// Worker threads; all cores without it. Does not change the result
     #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
     threads: Option<u32>,
@@ -105,6 +110,7 @@ fn of_the_look(settings: PrintSettings, args: &Args) -> Result<PrintSettings, Fa
         settings.materials = arguments::materials(file)?;
     }
     settings.refractive_index = args.refractive_index.unwrap_or(settings.refractive_index);
+    settings.proof_intent = args.intent.unwrap_or(settings.proof_intent);
     settings.judge_spp = args.spp.unwrap_or(settings.judge_spp);
     Ok(settings)
 }

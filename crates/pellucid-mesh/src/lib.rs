@@ -9,6 +9,7 @@
 //! | [`placement`] | how large a model is printed, and where it lies in print space |
 //! | [`placed`] | a model in print space, its mesh analysed once for what follows |
 //! | [`mesh_report`] | what is wrong with a mesh: [`MeshReport`] |
+//! | [`mesh_places`] | where that is: [`MeshPlaces`] |
 //! | [`voxelise`](mod@voxelise) | solid voxels by generalised winding number |
 //! | [`thickness`] | where a print is thin: [`ThicknessReport`] |
 //! | [`target`] | the colour of each surface voxel |
@@ -29,6 +30,7 @@ pub mod export;
 mod geometry;
 mod hull;
 pub mod import;
+pub mod mesh_places;
 pub mod mesh_report;
 pub mod model;
 mod nearest;
@@ -49,6 +51,7 @@ mod winding;
 
 pub use error::MeshError;
 pub use import::{ImportLimits, ImportOptions, LengthUnit, ReadAs, UpAxis, import_path, import_slice};
+pub use mesh_places::MeshPlaces;
 pub use mesh_report::MeshReport;
 pub use model::{BaseColor, Model, Note, Triangle, Vertex};
 pub use opacity::Opacity;

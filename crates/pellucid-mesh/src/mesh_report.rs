@@ -1,7 +1,15 @@
 //! What is wrong with a mesh, and what voxelisation put right.
 
+use crate::mesh_places::MeshPlaces;
 use crate::shell::Shell;
 use crate::topology::Topology;
+
+/// Voxels that were kept for what is thinner.
+pub(crate) struct Thin {
+    pub count: u64,
+    /// Where some of them are.
+    pub places_mm: Vec<[f64; 3]>,
+}
 
 /// Findings about a model's mesh at its print size, after vertices that meet in position were
 /// joined.
@@ -44,11 +52,13 @@ pub struct MeshReport {
     pub volume_mm3: f64,
     /// Voxels kept for parts too thin to hold a voxel centre.
     pub thin_voxels: u64,
+    /// Where some of these are.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub places: MeshPlaces,
 }
 
 impl MeshReport {
-    pub(crate) fn new(topology: &Topology, extent_mm: [f64; 3], triangles: u64, thin_voxels: u64) -> Self {
-        let facing = |s: &Shell| if s.flipped { -s.volume } else { s.volume };
+    pub(crate) fn new(topology: &Topology, extent_mm: [f64; 3], triangles: u64, thin: Thin) -> Self {
         let copies = topology.shells.iter().filter(|s| s.is_back());
         let copied: usize = copies.map(|s| s.triangles.len()).sum();
         let mut used: Vec<u32> = topology.triangles.iter().flatten().copied().collect();
@@ -66,12 +76,13 @@ impl MeshReport {
             reversed_triangles: topology.reversed.iter().filter(|r| **r).count() as u64,
             shells: topology.walls().count() as u64,
             flipped_shells: topology.walls().filter(|s| s.flipped).count() as u64,
-            cavities: topology.walls().filter(|s| facing(s) < 0.0).count() as u64,
+            cavities: topology.walls().filter(|s| s.enclosed() < 0.0).count() as u64,
             degenerate_triangles: topology.degenerate,
             duplicate_triangles: topology.duplicate + copied as u64,
             extent_mm,
-            volume_mm3: topology.walls().map(facing).sum(),
-            thin_voxels,
+            volume_mm3: topology.walls().map(Shell::enclosed).sum(),
+            thin_voxels: thin.count,
+            places: MeshPlaces::of(topology, thin.places_mm),
         }
     }
 

@@ -35,6 +35,11 @@ pub(crate) struct Shell {
 }
 
 impl Shell {
+    /// Signed volume with its caps as it is oriented now; negative of a hollow.
+    pub fn enclosed(&self) -> f64 {
+        if self.flipped { -self.volume } else { self.volume }
+    }
+
     /// Finds the boundary of a set of triangles and closes each connected part of it with a cone
     /// from the mean of its vertices.
     ///

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::edges::{EdgeUse, Fans, apexes_beyond, edge_uses, same_edge};
-use crate::geometry::{Bounds, Vec3, area_vector, has_area, length};
+use crate::geometry::{Bounds, Vec3, area_vector, centroid, has_area, length};
+use crate::mesh_places::{MOST_PLACES, middle};
 use crate::nesting::decide_roles;
 use crate::shell::{Role, Shell};
 use crate::weld::{Welded, weld};
@@ -27,6 +28,10 @@ pub(crate) struct Topology {
     pub inconsistent_edges: u64,
     pub degenerate: u64,
     pub duplicate: u64,
+    /// Middles of some edges of either kind, and of some input triangles that were not kept.
+    pub non_manifold_at: Vec<Vec3>,
+    pub inconsistent_at: Vec<Vec3>,
+    pub left_out: Vec<Vec3>,
 }
 
 impl Topology {
@@ -36,20 +41,31 @@ impl Topology {
     /// orientation. Where more meet, patches that bound the same wedge of solid join into shells,
     /// so that a wall that two bodies have in common counts for both.
     pub fn build(positions: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Self {
+        let given = triangles;
         let (inside, strays) = without_strays(positions, triangles);
         let Welded { vertices, mut triangles, mut source, degenerate, duplicate } =
             weld(positions, &inside.iter().map(|&t| triangles[t as usize]).collect::<Vec<_>>(), tolerance);
         source.iter_mut().for_each(|s| *s = inside[*s as usize]);
         let uses = edge_uses(&triangles);
         let (mut edges, mut boundary_edges, mut non_manifold_edges, mut inconsistent_edges) = (0, 0, 0, 0);
+        let (mut non_manifold_at, mut inconsistent_at) = (Vec::new(), Vec::new());
         for group in uses.chunk_by(same_edge) {
             edges += 1;
-            match group {
-                [_] => boundary_edges += 1,
-                [a, b] => inconsistent_edges += u64::from(a.3 == b.3),
-                _ => non_manifold_edges += 1,
+            let (count, places) = match group {
+                [_] => {
+                    boundary_edges += 1;
+                    continue;
+                }
+                [a, b] if a.3 == b.3 => (&mut inconsistent_edges, &mut inconsistent_at),
+                [_, _] => continue,
+                _ => (&mut non_manifold_edges, &mut non_manifold_at),
+            };
+            *count += 1;
+            if places.len() < MOST_PLACES {
+                places.push(middle(vertices[group[0].0 as usize], vertices[group[0].1 as usize]));
             }
         }
+        let left_out = left_out(positions, given, &source);
         let fans = Fans { vertices: &vertices, triangles: &triangles, tolerance, beyond: Vec::new() };
         let (patches, mut reversed) = orient(&fans, &uses);
         reverse(&mut triangles, &reversed);
@@ -79,6 +95,9 @@ impl Topology {
             inconsistent_edges,
             degenerate: degenerate + strays,
             duplicate,
+            non_manifold_at,
+            inconsistent_at,
+            left_out,
         }
     }
 
@@ -101,6 +120,14 @@ impl Topology {
     pub fn caps(&self) -> Vec<[Vec3; 3]> {
         self.walls().flat_map(|s| s.caps.iter().copied()).collect()
     }
+}
+
+/// Middles of some of the triangles that are not among those kept.
+fn left_out(positions: &[Vec3], triangles: &[[u32; 3]], kept: &[u32]) -> Vec<Vec3> {
+    let mut is_kept = vec![false; triangles.len()];
+    kept.iter().for_each(|&t| is_kept[t as usize] = true);
+    let others = triangles.iter().zip(is_kept).filter(|(_, kept)| !kept);
+    others.map(|(t, _)| centroid(t.map(|v| positions[v as usize]))).take(MOST_PLACES).collect()
 }
 
 /// The triangles within the box around those that have an area, and how many are not.

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::path::Path;
 
+use exr::meta::attribute::Chromaticities;
 use exr::prelude::*;
 use pellucid_core::{Control, files};
 
@@ -14,8 +15,16 @@ type Layers = SmallVec<[Layer<AnyChannels<FlatSamples>>; 2]>;
 /// Steps of progress.
 const STEPS: u64 = 1000;
 
+/// Primaries and white (D65) of Rec.709: x and y by CIE 1931.
+const REC709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.30, 0.60),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.3290),
+};
+
 /// Writes named linear pictures as the layers of one EXR file, 32-bit float R, G, B, A, losslessly compressed, whole
-/// or not at all. The file is put together in memory.
+/// or not at all. Primaries and white are Rec.709's, and the file says so. It is put together in memory.
 ///
 /// # Errors
 /// [`ProofError::Invalid`] for no pictures, or a name that is empty or given twice; [`ProofError::Io`];
@@ -68,8 +77,9 @@ fn image(
         ));
     }
     let bounds = layers.iter().fold(Vec2(1, 1), |b, l| Vec2(b.0.max(l.size.0), b.1.max(l.size.1)));
-    let window = IntegerBounds::from_dimensions(bounds);
-    Ok(Image::from_layers(ImageAttributes::new(window), layers))
+    let mut attributes = ImageAttributes::new(IntegerBounds::from_dimensions(bounds));
+    attributes.chromaticities = Some(REC709);
+    Ok(Image::from_layers(attributes, layers))
 }
 
 fn files_error(path: &Path, error: Error) -> ProofError {
@@ -118,6 +128,8 @@ mod tests {
         write_exr(&path, &layers, &Control::none()).unwrap();
         let image = read_all_flat_layers_from_file(&path).unwrap();
         assert_eq!(image.layer_data.len(), 2);
+        let said = image.attributes.chromaticities.unwrap();
+        assert_eq!((said.red, said.white), (Vec2(0.64, 0.33), Vec2(0.3127, 0.3290)));
         for (layer, (name, picture)) in image.layer_data.iter().zip(&layers) {
             assert_eq!(layer.attributes.layer_name.as_ref().unwrap().to_string(), *name);
             assert_eq!(layer.size, Vec2(picture.width() as usize, picture.height() as usize));

@@ -25,6 +25,9 @@ impl SrgbImage {
     }
 }
 
+/// What colours are, in the words of ITU-T H.273: primaries of Rec.709 (1), sRGB's curve (13), R, G, B (0), full range (1).
+pub(crate) const SRGB_CODE_POINTS: [u8; 4] = [1, 13, 0, 1];
+
 /// Writes a file by way of a temporary one.
 fn write(image: &SrgbImage, path: &Path, control: &Control<'_>) -> Result<(), ProofError> {
     control.check()?;
@@ -43,6 +46,7 @@ fn encode(image: &SrgbImage, out: &mut dyn Write, control: &Control<'_>) -> io::
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     let mut writer = encoder.write_header()?;
+    writer.write_chunk(png::chunk::cICP, &SRGB_CODE_POINTS)?;
     let mut stream = writer.stream_writer()?;
     let rows = image.rgba().chunks(image.width() as usize * 4);
     for (y, row) in rows.enumerate() {
@@ -92,6 +96,18 @@ mod tests {
         let read = decode(&std::fs::read(&path).unwrap());
         assert_eq!(read.pixel(0, 0), Some([128, 188, 255, 255]));
         assert_eq!(read.pixel(1, 0), Some([0, 11, 255, 64]));
+    }
+
+    #[test]
+    fn a_file_says_that_it_is_srgb() {
+        let mut bytes = Vec::new();
+        SrgbImage::new(1, 1, vec![1, 2, 3, 255]).unwrap().encode_png(&mut bytes).unwrap();
+        let reader = png::Decoder::new(io::Cursor::new(bytes)).read_info().unwrap();
+        let info = reader.info();
+        assert_eq!(info.srgb, Some(png::SrgbRenderingIntent::RelativeColorimetric));
+        let points = info.coding_independent_code_points.unwrap();
+        assert_eq!((points.color_primaries, points.transfer_function), (1, 13));
+        assert_eq!((points.matrix_coefficients, points.is_video_full_range_image), (0, true));
     }
 
     #[test]

@@ -27,6 +27,11 @@ impl GamutInk {
         labels.push(white);
         Self { gamut, labels }
     }
+
+    /// The printable colours.
+    pub fn gamut(&self) -> &Gamut {
+        &self.gamut
+    }
 }
 
 impl InkModel for GamutInk {

@@ -143,7 +143,7 @@ impl PrintJob {
         let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };
         let candidates =
             [(PredictorKind::MonteCarlo, predictors::predictor(&paths)?), (PredictorKind::Rpnn, network)];
-        let labels = self.halftone(aimed, control)?;
+        let labels = self.halftone(aimed, control)?.0;
         let patches = Patches::new(&aimed.object, self.settings().seed);
         let channels = aimed.object.channels();
         let truth = {
@@ -186,11 +186,16 @@ impl PrintJob {
         Ok(network)
     }
 
-    /// The halftone that refinement starts from.
-    fn halftone(&self, aimed: &Aimed, control: &Control<'_>) -> Result<LabelGrid, PrintError> {
+    /// The halftone that refinement starts from, and the share of the surface whose colour is out of reach.
+    pub(crate) fn halftone(
+        &self,
+        aimed: &Aimed,
+        control: &Control<'_>,
+    ) -> Result<(LabelGrid, f64), PrintError> {
         let (settings, strategy) = (self.settings().refine.clone(), self.settings().surface_first.clone());
         let refinement = Refinement::new(aimed.problem(), strategy, settings, control)?;
-        Ok(refinement.unrefined(&aimed.solid, &control.silent())?)
+        let labels = refinement.unrefined(&aimed.solid, &control.silent())?;
+        Ok((labels, refinement.report().out_of_gamut))
     }
 }
 

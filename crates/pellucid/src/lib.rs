@@ -27,13 +27,16 @@
 //! # main().unwrap() }
 //! ```
 //!
+//! Before that, [`PrintJob::preview`] shows within seconds what a model would look like without refinement, and where its
+//! colours are out of reach and its parts too thin.
+//!
 //! # The tour
 //! | module | what it is for | feature |
 //! | --- | --- | --- |
 //! | [`core`](mod@core) | progress, cancellation, error texts, whole files | always |
 //! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always; `ndarray` for its arrays |
 //! | `halftone` | blue-noise masks | `refine` |
-//! | `mesh` | import (glTF; other formats by features) and voxelisation | `mesh`; `obj`, `ply`, `stl`, `3mf`, `webp`, `meshopt` |
+//! | `mesh` | import (glTF; other formats by features) and voxelisation | `mesh`; `obj`, `ply`, `stl`, `3mf`, `webp`, `meshopt`, `icc` |
 //! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |
 //! | `calibration` | charts to print, and files of what their measurements say | `calibration` |
 //! | `stencil` | the hierarchical descriptor that the network sees | `stencil` |

@@ -40,6 +40,12 @@ impl<'a> Monitor<'a> {
         self
     }
 
+    /// A monitor of the same observer and flag with times of its own, for work that is done again more exactly: its
+    /// warnings are left to that.
+    pub(crate) fn provisional<T>(&self, work: impl FnOnce(&Monitor<'_>) -> T) -> T {
+        work(&Monitor::new(&WithoutWarnings(self.observer), self.cancel))
+    }
+
     /// Runs one stage; its time counts also when it fails.
     pub fn run<T>(&self, stage: Stage, work: impl FnOnce(&Control<'_>) -> T) -> T {
         let progress = |done, total| self.observer.progress(stage, done, total);
@@ -70,6 +76,22 @@ impl<'a> Monitor<'a> {
     /// Wall times of the stages so far, in the order of their beginnings.
     pub fn times(&self) -> Vec<StageTime> {
         self.times.lock().map(|times| times.clone()).unwrap_or_default()
+    }
+}
+
+struct WithoutWarnings<'a>(&'a dyn Observer);
+
+impl Observer for WithoutWarnings<'_> {
+    fn begin(&self, stage: Stage) {
+        self.0.begin(stage);
+    }
+
+    fn progress(&self, stage: Stage, done: u64, total: u64) {
+        self.0.progress(stage, done, total);
+    }
+
+    fn end(&self, stage: Stage) {
+        self.0.end(stage);
     }
 }
 

@@ -95,9 +95,10 @@ impl Record {
     /// As a checkpoint of this job holds it.
     pub(crate) fn comparable(&self) -> Value {
         let mut value = serde_json::to_value(self).unwrap_or_default();
-        // What the labels are written as does not change them.
+        // What the labels are written and shown as does not change them.
         if let Some(settings) = value["settings"].as_object_mut() {
             settings.remove("format");
+            settings.remove("proof_intent");
         }
         // Where the instructions do not matter, another processor may go on.
         if self.predictor.exact

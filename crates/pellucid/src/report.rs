@@ -35,6 +35,9 @@ impl PredictionError {
 pub struct LightErrors {
     /// The light; the first is the one that the print is judged under.
     pub illuminant: Illuminant,
+    /// Linear RGB radiance that media-relative 1 stands for under it.
+    #[serde(default)]
+    pub media_white: [f32; 3],
     /// To what it should look like there, before and after refinement.
     pub error: [ErrorStats; 2],
     /// Colour inconstancy: from its look under the first light, before and after.

@@ -1,5 +1,6 @@
 //! What a print job is asked to do.
 
+use pellucid_color::RenderingIntent;
 use pellucid_color::spectrum::Illuminant;
 use pellucid_core::InstructionSet;
 use pellucid_mesh::Scale;
@@ -178,6 +179,15 @@ pub struct PrintSettings {
     pub judge_point_spp: u32,
     /// Longer edge of a proof picture in pixels.
     pub proof_edge: u32,
+    /// What proof pictures show as white: the print's white, or a perfect one, beside which the print's own white is
+    /// seen. Does not change the print.
+    #[serde(skip_serializing_if = "is_relative")]
+    pub proof_intent: RenderingIntent,
+}
+
+/// Records say nothing of what is the rule.
+fn is_relative(intent: &RenderingIntent) -> bool {
+    *intent == RenderingIntent::RelativeColorimetric
 }
 
 /// Records of PNG stacks do not say so, as before there were others.
@@ -221,6 +231,7 @@ impl Default for PrintSettings {
             judge_spp: 3,
             judge_point_spp: 1024,
             proof_edge: 480,
+            proof_intent: RenderingIntent::default(),
         }
     }
 }

@@ -18,6 +18,8 @@ pub enum Stage {
     Texture,
     /// Mixture and gamut tables, and the targets within their reach.
     Color,
+    /// Materials for the colours, before any refinement.
+    Halftone,
     /// Trying which predictor is ahead.
     Choose,
     /// The refinement: all its iterations.
@@ -43,6 +45,7 @@ impl Stage {
             Stage::Nearest => "nearest surface",
             Stage::Texture => "texture",
             Stage::Color => "colour tables",
+            Stage::Halftone => "halftone",
             Stage::Choose => "choice of predictor",
             Stage::Refine => "refine",
             Stage::Judge => "judge",

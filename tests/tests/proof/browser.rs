@@ -2,6 +2,8 @@
 
 use serde_json::{Value, json};
 
+use crate::lights::LIT;
+use crate::preview::{of_a_ball, written};
 use crate::webdriver::Browser;
 use crate::{PRINT, Print, plain, shown};
 
@@ -58,6 +60,7 @@ fn the_page_works_in_a_browser() {
     println!("the page was ready after {ready} ms");
     views_switch(&browser);
     a_pick_reads_the_fields(&browser, print);
+    paper_white_is_shown(&browser, print);
     two_views_share_the_stage(&browser);
     distance_blurs(&browser);
     layers_are_the_images(&browser, print);
@@ -66,6 +69,64 @@ fn the_page_works_in_a_browser() {
     themes_differ(&browser);
     a_phone_has_room(&browser);
     nothing_was_asked_for(&browser, print);
+    a_preview_opens(&browser);
+    lights_can_be_chosen(&browser);
+}
+
+fn lights_can_be_chosen(browser: &Browser) {
+    browser.open(&LIT.file("proof.html"));
+    browser.wait_for("document.documentElement.dataset.ready");
+    let shown =
+        |field: &str| browser.run(&format!("return !document.querySelector('[data-field={field}]').hidden"));
+    assert_eq!((shown("inconstancy"), shown("error")), (json!(false), json!(true)));
+    let first = look(browser);
+    browser.click("[data-field=error]");
+    browser.keys("#light", "A");
+    // Errors are the first light's: what is shown is the print again.
+    assert_eq!(browser.run("return document.documentElement.viewer.left"), "refined");
+    assert_eq!((shown("inconstancy"), shown("error")), (json!(true), json!(false)));
+    assert!(apart(&look(browser)["mean"], &first["mean"]) > 0.05, "the same under another light");
+    browser.click("[data-field=inconstancy]");
+    browser.keys("#view", ENTER);
+    assert!(picked(browser, "inconstancy").ends_with("dE2000"));
+    browser.keys("#light", "D65");
+    assert_eq!(look(browser)["mean"], first["mean"]);
+}
+
+/// The print's own white beside a perfect one: seen, read off, and gone again.
+fn paper_white_is_shown(browser: &Browser, print: &Print) {
+    browser.click("[data-field=target]");
+    browser.keys("#view", ENTER);
+    let (before, read) = (look(browser), picked(browser, "target"));
+    browser.click("#paper");
+    let shown = picked(browser, "target");
+    assert!(apart(&look(browser)["mean"], &before["mean"]) > 1.0);
+    for c in 0..3 {
+        let byte = |text: &str| u8::from_str_radix(&text[1 + 2 * c..3 + 2 * c], 16).unwrap();
+        let linear = pellucid::color::space::srgb_decode(f64::from(byte(&read)) / 255.0);
+        let white = print.figure(&format!("report.media_white.{c}"));
+        let wanted = pellucid::color::space::srgb_encode_u8(linear * white);
+        assert!(byte(&shown).abs_diff(wanted) <= 1, "{read} {shown} {wanted}");
+    }
+    browser.click("#paper");
+    assert_eq!(look(browser), before);
+}
+
+/// A preview has views and findings, and no slices.
+fn a_preview_opens(browser: &Browser) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("preview");
+    written(&of_a_ball(2.0), &out);
+    browser.open(&out.join("preview.html"));
+    browser.wait_for("document.documentElement.dataset.ready");
+    assert_eq!(browser.run("return document.documentElement.viewer.left"), "unrefined");
+    let before = look(browser);
+    browser.click("[data-show=cross_talk]");
+    assert!(apart(&look(browser)["mean"], &before["mean"]) > 0.1);
+    assert_eq!(browser.run("return document.getElementById('slice')"), Value::Null);
+    let mut complaints = browser.log("browser");
+    complaints.retain(|entry| entry["source"] != "rendering");
+    assert!(complaints.is_empty(), "{complaints:?}");
 }
 
 fn views_switch(browser: &Browser) {

@@ -17,21 +17,28 @@ fn attribute<'a>(element: &'a str, name: &str) -> Option<&'a str> {
     element.split_once(&format!(" {name}=\""))?.1.split('"').next()
 }
 
-#[test]
-fn every_figure_is_the_reports_or_the_manifests() {
-    let mut html = PRINT.text("proof.html");
+/// Cuts programs, styles and figures out of a page, and holds each figure to what `value` has in its place; how many there
+/// were.
+pub fn check_figures(html: &mut String, value: impl Fn(&str) -> f64) -> usize {
     for [start, end] in [["<script", "</script>"], ["<style", "</style>"]] {
-        assert!(!cut(&mut html, start, end).is_empty());
+        assert!(!cut(html, start, end).is_empty());
     }
-    let figures = cut(&mut html, "<data ", "</data>");
-    assert!(figures.len() > 60, "{}", figures.len());
+    let figures = cut(html, "<data ", "</data>");
     for element in &figures {
         let from = attribute(element, "data-from").unwrap();
         let digits = attribute(element, "data-digits").unwrap().parse().unwrap();
         let scale: f64 = attribute(element, "data-scale").map_or(1.0, |s| s.parse().unwrap());
         let text = element.split_once('>').unwrap().1.trim_end_matches("</data>");
-        assert_eq!(plain(text), shown(PRINT.figure(from) * scale, digits), "{from}");
+        assert_eq!(plain(text), shown(value(from) * scale, digits), "{from}");
     }
+    figures.len()
+}
+
+#[test]
+fn every_figure_is_the_reports_or_the_manifests() {
+    let mut html = PRINT.text("proof.html");
+    let figures = check_figures(&mut html, |from| PRINT.figure(from));
+    assert!(figures > 60, "{figures}");
     // What is left are words, and numbers that explain them.
     let report = PRINT.json("report.json");
     let manifest = PRINT.json("manifest.json");

@@ -3,7 +3,9 @@
 
 mod browser;
 mod figures;
+mod lights;
 mod model;
+mod preview;
 mod webdriver;
 
 use std::path::PathBuf;

@@ -4,6 +4,7 @@ mod calibrate;
 mod clear;
 mod common;
 mod prepare;
+mod preview;
 mod proof;
 mod texture;
 mod training;

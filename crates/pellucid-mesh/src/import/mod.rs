@@ -14,6 +14,8 @@
 //! programs, which write y up. [`ImportOptions`] says otherwise, and [`Model::read_as`] what was taken.
 //!
 //! All is opaque, unless [`ImportOptions::opacity`] asks to keep what the file says of it.
+//! Textures of glTF are sRGB, as it says. Those of the other formats are what the ICC profile says that they embed, or else
+//! [`ImportOptions::icc`], or else sRGB (profiles: cargo feature `icc`).
 //!
 //! Refused with the place (line, element, object) and a remedy: file names and URIs that leave the
 //! model's folder, textures other than PNG and JPEG (and WebP with the feature `webp`), numbers that
@@ -22,6 +24,7 @@
 
 mod format;
 pub mod gltf;
+mod icc;
 mod limits;
 #[cfg(feature = "obj")]
 pub mod obj;
@@ -46,6 +49,7 @@ mod uri;
 use std::path::Path;
 
 pub use format::Format;
+pub use icc::IccProfile;
 pub use limits::ImportLimits;
 pub use options::ImportOptions;
 pub use read_as::{LengthUnit, ReadAs, UpAxis};
@@ -106,7 +110,8 @@ impl ImportOptions {
     /// Imports a model file; files it refers to must lie in its folder.
     ///
     /// # Errors
-    /// As [`import_path`]; [`MeshError::Invalid`] too for a colour outside 0..1.
+    /// As [`import_path`]; [`MeshError::Invalid`] too for a colour outside 0..1, [`MeshError::Unsupported`] for an ICC
+    /// profile beside a glTF.
     pub fn import_path(&self, path: impl AsRef<Path>) -> Result<Model, MeshError> {
         let path = path.as_ref();
         let name = path.display().to_string();
@@ -156,6 +161,13 @@ impl ImportOptions {
             ));
         }
         let format = Format::detect(&source, bytes)?;
+        if self.icc.is_some() && format == Format::Gltf {
+            return Err(source.unsupported(
+                "ImportOptions::icc",
+                "glTF says that textures are sRGB, whatever profile they have",
+                "leave the profile out, or convert the textures to sRGB",
+            ));
+        }
         let model = match format {
             Format::Gltf => gltf::read(&source, bytes)?,
             #[cfg(feature = "obj")]

@@ -1,13 +1,13 @@
 //! How a model is read.
 
 use super::source::Source;
-use super::{ImportLimits, LengthUnit, UpAxis};
+use super::{IccProfile, ImportLimits, LengthUnit, UpAxis};
 use crate::MeshError;
 
 /// How a model is read: limits, and what a file does not say itself.
 ///
 /// End a literal with `..ImportOptions::default()`: fields will be added.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct ImportOptions {
     /// Bounds on what a model may ask for.
@@ -22,11 +22,22 @@ pub struct ImportOptions {
     /// Keep how opaque the model is ([`Model::opacity`](crate::Model::opacity)); without it all of it is opaque, and
     /// [notes](crate::Model::notes) say where that leaves something out.
     pub opacity: bool,
+    /// What the colours of textures are where a texture embeds no profile; sRGB without it. glTF says that they are sRGB,
+    /// and takes none. Colours that a file holds itself are its format's affair.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub icc: Option<IccProfile>,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { limits: ImportLimits::default(), unit: None, up: None, color: [1.0; 3], opacity: false }
+        Self {
+            limits: ImportLimits::default(),
+            unit: None,
+            up: None,
+            color: [1.0; 3],
+            opacity: false,
+            icc: None,
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 #[cfg(feature = "obj")]
 use std::sync::Arc;
 
-use super::picture::Decoded;
+use super::picture::{Decoded, Profiles};
 use super::source::Source;
 use super::{ReadAs, picture};
 use crate::opacity::{HALF, Opacity};
@@ -127,7 +127,8 @@ impl<'s, 'a> Parts<'s, 'a> {
             Some(known) => known.clone(),
             None => {
                 let bytes = load(self.source)?;
-                let decoded = picture::decode(self.source, object, &bytes, &mut self.texture_budget)?;
+                let decoded =
+                    picture::decode(self.source, object, &bytes, Profiles::Heeded, &mut self.texture_budget)?;
                 self.images.insert(key.to_owned(), decoded.clone());
                 decoded
             }

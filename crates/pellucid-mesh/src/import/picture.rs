@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
+use super::icc::{Codes, codes_of};
 use super::source::{Source, quoted};
 use crate::MeshError;
 use crate::texture::Image;
@@ -22,18 +23,32 @@ pub(super) struct Decoded {
     pub opacity: Option<Arc<Image>>,
 }
 
+/// What the ICC profiles of textures are to a format.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Profiles {
+    /// They say what colours are.
+    #[cfg_attr(
+        not(any(feature = "obj", feature = "ply", feature = "3mf")),
+        allow(dead_code, reason = "glTF heeds none, and STL has no textures")
+    )]
+    Heeded,
+    /// Colours are sRGB whatever they say.
+    Ignored,
+}
+
 /// Decodes an image that errors call `object`, charging its size to `budget` (bytes left for all
 /// textures).
 pub(super) fn decode(
     source: &Source,
     object: &str,
     bytes: &[u8],
+    profiles: Profiles,
     budget: &mut u64,
 ) -> Result<Decoded, MeshError> {
     let counts = source.options.opacity;
-    let picture = open(source, object, bytes, budget, |width, height, color| {
+    let (picture, codes) = open(source, object, bytes, profiles, budget, |width, height, color, deep| {
         let alpha = if counts && color.has_alpha() { Image::grey_bytes(width, height) } else { 0 };
-        Image::bytes(width, height, is_deep(color)) + alpha
+        Image::bytes(width, height, deep) + alpha
     })?;
     let (width, height) = (picture.width(), picture.height());
     let opacity = match counts && picture.color().has_alpha() {
@@ -41,7 +56,11 @@ pub(super) fn decode(
         false => None,
     };
     let opacity = opacity.map(|alphas| Image::from_linear_grey8(width, height, alphas)).transpose()?;
-    let image = if is_deep(picture.color()) {
+    let image = if let Some(codes) = codes {
+        // Eight bits times 257 are the same share of sixteen.
+        let texels: Vec<[u16; 3]> = picture.into_rgb16().pixels().map(|p| p.0).collect();
+        Image::from_linear16(width, height, codes.linear(&texels))
+    } else if is_deep(picture.color()) {
         let texels = picture.into_rgb16().pixels().map(|p| p.0.map(linear16)).collect();
         Image::from_linear16(width, height, texels)
     } else {
@@ -60,7 +79,8 @@ pub(super) fn decode_opacity(
     bytes: &[u8],
     budget: &mut u64,
 ) -> Result<Image, MeshError> {
-    let picture = open(source, object, bytes, budget, |width, height, _| Image::grey_bytes(width, height))?;
+    let cost = |width, height, _, _| Image::grey_bytes(width, height);
+    let (picture, _) = open(source, object, bytes, Profiles::Ignored, budget, cost)?;
     let (width, height) = (picture.width(), picture.height());
     let texels = alphas(&picture).unwrap_or_else(|| picture.into_luma8().into_raw());
     Image::from_linear_grey8(width, height, texels)
@@ -82,14 +102,16 @@ fn is_deep(color: ColorType) -> bool {
     matches!(color, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16)
 }
 
-/// Decodes a picture within the limits; `cost` says from its size and kind what its textures take.
+/// Decodes a picture within the limits, and finds what its colours are; `cost` says from its size and kind, and whether it
+/// takes sixteen bits, what its textures take.
 fn open(
     source: &Source,
     object: &str,
     bytes: &[u8],
+    profiles: Profiles,
     budget: &mut u64,
-    cost: impl Fn(u32, u32, ColorType) -> u64,
-) -> Result<DynamicImage, MeshError> {
+    cost: impl Fn(u32, u32, ColorType, bool) -> u64,
+) -> Result<(DynamicImage, Option<Codes>), MeshError> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
         Ok(ImageFormat::WebP) if cfg!(feature = "webp") => ImageFormat::WebP,
@@ -122,20 +144,25 @@ fn open(
     // The pixels have their own limits below; this is for rows and metadata.
     bounds.max_alloc = Some(DECODER_BYTES + 8 * u64::from(limits.texture_edge));
     reader.limits(bounds);
-    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels > limits.texture_pixels {
         let reason = format!("{width} x {height} pixels, the limit is {}", limits.texture_pixels);
         return Err(too_large(reason, "texture_pixels"));
     }
-    let cost = cost(width, height, decoder.color_type());
+    let codes = match profiles {
+        Profiles::Ignored => None,
+        Profiles::Heeded => codes_of(source, object, decoder.icc_profile().map_err(undecodable)?)?,
+    };
+    let deep = is_deep(decoder.color_type()) || codes.is_some();
+    let cost = cost(width, height, decoder.color_type(), deep);
     if cost > *budget {
         let reason = format!("it takes {cost} bytes decoded; {budget} of {} are left", limits.texture_bytes);
         return Err(too_large(reason, "texture_bytes"));
     }
     *budget -= cost;
-    DynamicImage::from_decoder(decoder).map_err(undecodable)
+    Ok((DynamicImage::from_decoder(decoder).map_err(undecodable)?, codes))
 }
 
 /// Linear value of a 16-bit sRGB-encoded one.

@@ -23,6 +23,7 @@ use pellucid_voxel::{AIR, Control, LabelGrid, Pitch};
 pub use crate::placement::{MAX_VOXELS, Placement, Scale};
 
 use crate::geometry::Vec3;
+use crate::mesh_report::Thin;
 use crate::{MeshError, MeshReport, Model, PlacedMesh};
 use cap_field::CapField;
 
@@ -137,9 +138,11 @@ impl PlacedMesh<'_> {
         drop(rows);
         let corners: Vec<[Vec3; 3]> =
             topology.wall_triangles().map(|t| to_voxels(topology.corners(t))).collect();
-        let thin =
+        let (count, some) =
             thin::keep_thin(&mut grid, &corners, options.label, &control.silent().with_progress(&thinning))?;
         let triangles = model.triangles().len() as u64;
+        let places_mm = some.into_iter().map(|v| grid.frame().centre_mm(v.map(i64::from))).collect();
+        let thin = Thin { count, places_mm };
         let report = MeshReport::new(topology, placement.extent_mm(), triangles, thin);
         Ok(Voxelised { grid, placement, report })
     }

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::scan::{Axes, SLAB, Slabs, scan};
 use crate::MeshError;
 use crate::geometry::{Vec3, add, area_vector, centroid, length, scale, sub};
+use crate::mesh_places::MOST_PLACES;
 
 /// Steps per voxel of a crossing's stored position.
 const STEPS: f64 = 1024.0;
@@ -25,20 +26,21 @@ const NARROW: f64 = 2.0;
 /// Length over width from which a triangle counts as long.
 const LONG: f64 = 4.0;
 
-/// Labels voxels for parts of the mesh that have none, and returns how many. `corners` are the
+/// Labels voxels for parts of the mesh that have none, and returns how many and some of them. `corners` are the
 /// mesh's triangles in voxels, centres at integers.
 pub(crate) fn keep_thin(
     grid: &mut LabelGrid,
     corners: &[[Vec3; 3]],
     label: u8,
     control: &Control,
-) -> Result<u64, MeshError> {
+) -> Result<(u64, Vec<[u32; 3]>), MeshError> {
     let mut sheets = Vec::new();
     for (axis, axes) in [Axes::X, Axes::Y, Axes::Z].into_iter().enumerate() {
         control.report(axis as u64, 4);
         sheets.extend(sheet_voxels(grid, corners, axes, control)?);
     }
-    let mut added = set(grid, &sheets, label);
+    let mut added = Added::default();
+    added.set(grid, &sheets, label);
     control.report(3, 4);
     let narrow = corners.par_iter().filter(|c| width(c) < NARROW);
     let points = narrow.flat_map_iter(|c| {
@@ -48,10 +50,10 @@ pub(crate) fn keep_thin(
     let grains: Vec<[u32; 3]> = points
         .filter_map(|(p, along)| grid.frame().checked(voxel(p)).filter(|v| !solid_around(grid, *v, along)))
         .collect();
-    added += set(grid, &grains, label);
+    added.set(grid, &grains, label);
     control.report(4, 4);
     control.check()?;
-    Ok(added)
+    Ok((added.count, added.some))
 }
 
 /// The voxel that holds a point given in voxels.
@@ -59,16 +61,26 @@ fn voxel(p: Vec3) -> [i64; 3] {
     p.map(|c| (c + 0.5).floor() as i64)
 }
 
-/// Sets air voxels among those listed.
-fn set(grid: &mut LabelGrid, voxels: &[[u32; 3]], label: u8) -> u64 {
-    let mut added = 0;
-    for &v in voxels {
-        if grid.get(v) == AIR {
-            grid.set(v, label);
-            added += 1;
+/// Voxels that were air.
+#[derive(Default)]
+struct Added {
+    count: u64,
+    some: Vec<[u32; 3]>,
+}
+
+impl Added {
+    /// Sets air voxels among those listed.
+    fn set(&mut self, grid: &mut LabelGrid, voxels: &[[u32; 3]], label: u8) {
+        for &v in voxels {
+            if grid.get(v) == AIR {
+                grid.set(v, label);
+                self.count += 1;
+                if self.some.len() < MOST_PLACES {
+                    self.some.push(v);
+                }
+            }
         }
     }
-    added
 }
 
 /// Voxels to keep for sheets that face along one axis, in a fixed order.

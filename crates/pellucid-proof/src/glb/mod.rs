@@ -179,6 +179,7 @@ fn png_of(texels: &[[u8; 3]], edge: u32) -> Result<Vec<u8>, std::io::Error> {
     let mut encoder = png::Encoder::new(&mut out, edge, edge);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(texels.as_flattened())?;
     writer.finish()?;

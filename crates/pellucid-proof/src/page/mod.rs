@@ -63,7 +63,7 @@ impl Default for PageSize {
 /// let none = Control::none();
 /// let surface = Surface::extract(&grid, &SurfaceOptions::default(), &none)?;
 /// let colors = vec![[0.8, 0.4, 0.1]; surface.len()];
-/// let fields = [PageField { key: "refined", label: "Refined", values: FieldValues::Colors(&colors) }];
+/// let fields = [PageField { key: "refined", label: "Refined", under: None, values: FieldValues::Colors(&colors) }];
 /// let page = ProofPage::new(&grid, &surface, &fields, true, PageSize::default(), &none)?;
 /// let manifest = serde_json::json!({
 ///     "generator": "doc", "target": "j750", "pitch_mm": [0.0423, 0.0847, 0.027], "dpi": [600, 300, 940.7],
@@ -77,14 +77,14 @@ impl Default for PageSize {
 /// ```
 pub struct ProofPage {
     surface: PackedSurface,
-    slices: PackedSlices,
+    slices: Option<PackedSlices>,
 }
 
 /// What the page's program is told of its data.
 #[derive(Serialize)]
 struct Contents<'a> {
     surface: &'a surface::SurfaceIndex,
-    slices: &'a slices::SlicesIndex,
+    slices: Option<&'a slices::SlicesIndex>,
     /// sRGB, 0 to 255, from the lower end to the upper.
     scale: Vec<[u8; 3]>,
 }
@@ -104,15 +104,12 @@ impl ProofPage {
         size: PageSize,
         control: &Control<'_>,
     ) -> Result<Self, ProofError> {
-        let silent = control.silent();
         control.report(0, 3);
-        let mesh = SurfaceMesh::build(labels, surface, size.most_vertices, &silent)?;
-        control.report(1, 3);
-        let surface = PackedSurface::pack(&mesh, fields, &silent)?;
+        let page = Self::of_surface(labels, surface, fields, size, &control.silent())?;
         control.report(2, 3);
-        let slices = PackedSlices::pack(labels, highest_y_first, size.most_slice_bytes, &silent)?;
+        let slices = PackedSlices::pack(labels, highest_y_first, size.most_slice_bytes, &control.silent())?;
         control.report(3, 3);
-        Ok(Self { surface, slices })
+        Ok(Self { slices: Some(slices), ..page })
     }
 
     /// The same with the slices of other labels in the surface's frame, such as those with the clear resin around it.
@@ -127,11 +124,31 @@ impl ProofPage {
         control: &Control<'_>,
     ) -> Result<Self, ProofError> {
         let slices = PackedSlices::pack(labels, highest_y_first, size.most_slice_bytes, control)?;
-        Ok(Self { slices, ..self })
+        Ok(Self { slices: Some(slices), ..self })
     }
 
-    /// The page, named `title`, with the figures of a print's `report.json` (null where there is none) and
-    /// `manifest.json`. Every figure on it is one of theirs.
+    /// [`ProofPage::new`] without slices: of what is not yet to be printed.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn of_surface(
+        labels: &LabelGrid,
+        surface: &Surface,
+        fields: &[PageField<'_>],
+        size: PageSize,
+        control: &Control<'_>,
+    ) -> Result<Self, ProofError> {
+        let silent = control.silent();
+        control.report(0, 2);
+        let mesh = SurfaceMesh::build(labels, surface, size.most_vertices, &silent)?;
+        control.report(1, 2);
+        let surface = PackedSurface::pack(&mesh, fields, &silent)?;
+        control.report(2, 2);
+        Ok(Self { surface, slices: None })
+    }
+
+    /// The page, named `title`, with the figures of a print's `report.json` and `manifest.json`, null where there is none.
+    /// Every figure on it is one of theirs. A page with slices needs the manifest.
     ///
     /// # Errors
     /// [`ProofError::Invalid`] when report or manifest lack a figure that the page needs.
@@ -140,14 +157,18 @@ impl ProofPage {
             let color = false_color(i as f32 / (SCALE_STEPS - 1) as f32);
             color.map(|v| pellucid_color::space::srgb_encode_u8(f64::from(v)))
         });
-        let contents =
-            Contents { surface: &self.surface.index, slices: &self.slices.index, scale: scale.collect() };
+        let slices = self.slices.as_ref();
+        let contents = Contents {
+            surface: &self.surface.index,
+            slices: slices.map(|s| &s.index),
+            scale: scale.collect(),
+        };
         let data = [
             ("contents", in_script(&serde_json::to_value(&contents).unwrap_or_default())),
             ("report", in_script(report)),
             ("manifest", in_script(manifest)),
             ("surface", base64(&self.surface.bytes)),
-            ("slices", base64(&self.slices.bytes)),
+            ("slices", base64(slices.map_or(&[], |s| &s.bytes[..]))),
         ];
         Facts::new(report, manifest).render(TEMPLATE, title, STYLE, &SCRIPT.concat(), &data)
     }

@@ -19,6 +19,9 @@ pub struct PageField<'a> {
     pub key: &'a str,
     /// Its name for people.
     pub label: &'a str,
+    /// The light that it is seen under, where the page lets one choose; the first light's fields, and what no light
+    /// changes, have none.
+    pub under: Option<&'a str>,
     /// The values.
     pub values: FieldValues<'a>,
 }
@@ -57,6 +60,8 @@ pub(super) struct SurfaceIndex {
 struct FieldIndex {
     key: String,
     label: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    under: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     quantity: Option<QuantityIndex>,
 }
@@ -131,6 +136,11 @@ impl PageField<'_> {
                 Some(QuantityIndex { most, shown, unit: unit.into() })
             }
         };
-        Ok(FieldIndex { key: self.key.into(), label: self.label.into(), quantity })
+        Ok(FieldIndex {
+            key: self.key.into(),
+            label: self.label.into(),
+            under: self.under.map(Into::into),
+            quantity,
+        })
     }
 }

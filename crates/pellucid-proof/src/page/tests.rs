@@ -30,25 +30,30 @@ fn page(size: PageSize) -> ProofPage {
     let colors: Vec<[f32; 3]> = surface.normals().iter().map(|n| n.map(|v| 0.5 + 0.4 * v)).collect();
     let values: Vec<f32> = surface.voxels().iter().map(|v| v[2] as f32).collect();
     let fields = [
-        PageField { key: "refined", label: "Refined", values: FieldValues::Colors(&colors) },
+        PageField { key: "refined", label: "Refined", under: None, values: FieldValues::Colors(&colors) },
         PageField {
             key: "error",
             label: "Error",
+            under: None,
             values: FieldValues::Quantity { values: &values, most: 51.0, shown: 20.0, unit: "dE2000" },
         },
     ];
     ProofPage::new(&labels, &surface, &fields, true, size, &Control::none()).unwrap()
 }
 
+fn packed(page: &ProofPage) -> &PackedSlices {
+    page.slices.as_ref().unwrap()
+}
+
 #[test]
 fn slices_are_those_of_the_images() {
     let (labels, _) = block();
     let page = page(PageSize::default());
-    assert_eq!(page.slices.index_json()["every"], 1);
-    let ends = page.slices.index_json()["ends"].as_array().unwrap().clone();
+    assert_eq!(packed(&page).index_json()["every"], 1);
+    let ends = packed(&page).index_json()["ends"].as_array().unwrap().clone();
     assert_eq!(ends.len(), 36);
     let [from, to] = [4, 5].map(|i| ends[i].as_u64().unwrap() as usize);
-    let image = inflated(&page.slices.bytes[from..to]);
+    let image = inflated(&packed(&page).bytes[from..to]);
     for (row, pixels) in image.chunks(24).enumerate() {
         for (x, &label) in pixels.iter().enumerate() {
             assert_eq!(label, labels.get([x as u32, 11 - row as u32, 5]), "the top row is the highest y");
@@ -59,10 +64,10 @@ fn slices_are_those_of_the_images() {
 #[test]
 fn a_page_of_little_room_holds_fewer_slices_and_vertices() {
     let all = page(PageSize::default());
-    let small = page(PageSize { most_vertices: 200, most_slice_bytes: all.slices.bytes.len() as u64 / 3 });
-    let every = small.slices.index_json()["every"].as_u64().unwrap();
+    let small = page(PageSize { most_vertices: 200, most_slice_bytes: packed(&all).bytes.len() as u64 / 3 });
+    let every = packed(&small).index_json()["every"].as_u64().unwrap();
     assert!((3..=5).contains(&every), "{every}");
-    assert!(small.slices.bytes.len() < all.slices.bytes.len() / 2);
+    assert!(packed(&small).bytes.len() < packed(&all).bytes.len() / 2);
     assert!(small.surface.bytes.len() < all.surface.bytes.len() / 2);
     let text = small.render("small", &Value::Null, &manifest()).unwrap();
     assert!(text.len() < all.render("small", &Value::Null, &manifest()).unwrap().len());

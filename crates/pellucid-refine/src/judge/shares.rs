@@ -23,8 +23,9 @@ pub struct ErrorShares {
 }
 
 impl ErrorShares {
-    /// Of divided errors, `[out of gamut, too thin, cross-talk]` a surface voxel.
-    pub(super) fn of(parts: &[[f32; 3]]) -> Self {
+    /// Of divided errors, `[out of gamut, too thin, cross-talk]` a surface voxel:
+    /// [`Judge::error_parts`](super::Judge::error_parts).
+    pub fn of(parts: &[[f32; 3]]) -> Self {
         let mut sums = [0.0f64; 3];
         parts.iter().for_each(|part| (0..3).for_each(|i| sums[i] += f64::from(part[i])));
         let whole: f64 = sums.iter().sum();

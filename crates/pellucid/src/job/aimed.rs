@@ -32,6 +32,12 @@ const UPSAMPLED: usize = 4096;
 /// An ink model that artefacts share.
 pub type SharedInk = Arc<dyn InkModel + Send + Sync>;
 
+/// Colours of thick prints, and of parts by their thickness.
+pub(super) struct ColorTables {
+    ink: Arc<GamutInk>,
+    by_thickness: ThicknessGamut,
+}
+
 /// What the print should look like under one more light.
 #[derive(Clone)]
 pub struct FurtherAim {
@@ -39,7 +45,9 @@ pub struct FurtherAim {
     pub illuminant: Illuminant,
     /// From radiance to colour under it.
     pub viewing: Viewing,
-    /// What each surface voxel should show and can, relative to the print's white under that light.
+    /// What each surface voxel should show, relative to the print's white under that light.
+    pub target: Vec<[f32; 3]>,
+    /// What it should show and can.
     pub printable_target: Vec<[f32; 3]>,
 }
 
@@ -120,12 +128,22 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Color`] when the materials make no mixtures, [`PrintError::Cancelled`].
     pub fn aim(&self, placed: Placed, monitor: &Monitor<'_>) -> Result<Aimed, PrintError> {
-        monitor.run(Stage::Color, |control| self.aim_within(placed, control))
+        monitor.run(Stage::Color, |control| {
+            let tables = self.color_tables(control)?;
+            self.aim_by(&tables, placed, control)
+        })
     }
 
-    fn aim_within(&self, placed: Placed, control: &Control<'_>) -> Result<Aimed, PrintError> {
+    /// [`PrintJob::aim`] by tables that are there already.
+    pub(super) fn aim_by(
+        &self,
+        tables: &ColorTables,
+        placed: Placed,
+        control: &Control<'_>,
+    ) -> Result<Aimed, PrintError> {
         let s = &self.settings;
-        let (gamut, by_thickness) = self.gamuts(control)?;
+        let ColorTables { ink, by_thickness } = tables;
+        let gamut = ink.gamut();
         let viewing = gamut.model().viewing();
         let white = MediaWhite::new(gamut.model().media_white())?;
         let intent = match s.absolute {
@@ -148,14 +166,14 @@ impl PrintJob {
         let (gamut_target, printable_target): (Vec<_>, Vec<_>) =
             reached.map(|[thick, own]| (thick, own)).unzip();
         control.check()?;
-        let further = self.further(&viewing, &printable_target, control)?;
+        let further = self.further(&viewing, [&target, &printable_target], control)?;
         let object = Object::new(placed.surface, self.inks.clone(), s.refractive_index)?;
         Ok(Aimed {
             model: placed.model,
             object: Arc::new(object),
             solid: placed.solid,
             nearest: placed.nearest,
-            ink: Arc::new(GamutInk::new(gamut, &self.inks)),
+            ink: Arc::clone(ink) as SharedInk,
             viewing,
             target,
             gamut_target,
@@ -169,11 +187,12 @@ impl PrintJob {
         })
     }
 
-    /// The targets under further lights: those of the smooth reflectances that look like the targets in `viewing`.
+    /// Targets as given and printable ones under further lights: those of the smooth reflectances that look like them in
+    /// `viewing`.
     fn further(
         &self,
         viewing: &Viewing,
-        target: &[[f32; 3]],
+        targets: [&[[f32; 3]]; 2],
         control: &Control<'_>,
     ) -> Result<Vec<FurtherAim>, PrintError> {
         let s = &self.settings;
@@ -186,40 +205,51 @@ impl PrintJob {
         let upsampling = Upsampling::new(bands, viewing, &white)?;
         let viewings = s.also_under.iter().map(|&light| Viewing::new(bands, light, &white));
         let viewings: Vec<Viewing> = viewings.collect::<Result<_, _>>()?;
-        let mut targets = vec![vec![[0.0; 3]; target.len()]; viewings.len()];
-        // In parts, for cancellation.
-        for start in (0..target.len()).step_by(UPSAMPLED) {
-            control.check()?;
-            let part = start..target.len().min(start + UPSAMPLED);
-            let seen: Vec<Vec<[f32; 3]>> = target[part.clone()]
-                .par_iter()
-                .map(|&rgb| {
-                    let radiance = upsampling.radiance(rgb);
-                    viewings.iter().map(|viewing| viewing.relative_rgb(&radiance)).collect()
-                })
-                .collect();
-            for (i, seen) in part.zip(seen) {
-                targets.iter_mut().zip(seen).for_each(|(target, rgb)| target[i] = rgb);
-            }
-        }
-        let each = s.also_under.iter().zip(viewings).zip(targets);
-        Ok(each
-            .map(|((&illuminant, viewing), printable_target)| FurtherAim {
-                illuminant,
-                viewing,
-                printable_target,
-            })
-            .collect())
+        let [given, printable] = targets.map(|target| under_each(&upsampling, &viewings, target, control));
+        let each = s.also_under.iter().zip(viewings).zip(given?.into_iter().zip(printable?));
+        let aim = |((&illuminant, viewing), (target, printable_target))| FurtherAim {
+            illuminant,
+            viewing,
+            target,
+            printable_target,
+        };
+        Ok(each.map(aim).collect())
     }
 
-    /// Colours of thick prints, and of parts by their thickness.
-    fn gamuts(&self, control: &Control<'_>) -> Result<(Gamut, ThicknessGamut), PrintError> {
+    /// What the job's materials can show, whatever the object.
+    pub(super) fn color_tables(&self, control: &Control<'_>) -> Result<ColorTables, PrintError> {
         let s = &self.settings;
         let options = MatchOptions::default();
         let thick = MixtureModel::under(&self.inks, "white", s.refractive_index, s.illuminant)?;
         let by_thickness =
             ThicknessGamut::build(&thick, &DEFAULT_THICKNESSES_MM, options, THIN_NODES, control)?;
         let gamut = Gamut::build(thick, options, DEFAULT_NODES, &control.silent())?;
-        Ok((gamut, by_thickness))
+        Ok(ColorTables { ink: Arc::new(GamutInk::new(gamut, &self.inks)), by_thickness })
     }
+}
+
+/// Colours in several viewings, `[viewing][colour]`, of the smooth reflectances that have them in the upsampling's.
+fn under_each(
+    upsampling: &Upsampling,
+    viewings: &[Viewing],
+    colors: &[[f32; 3]],
+    control: &Control<'_>,
+) -> Result<Vec<Vec<[f32; 3]>>, PrintError> {
+    let mut found = vec![vec![[0.0; 3]; colors.len()]; viewings.len()];
+    // In parts, for cancellation.
+    for start in (0..colors.len()).step_by(UPSAMPLED) {
+        control.check()?;
+        let part = start..colors.len().min(start + UPSAMPLED);
+        let seen: Vec<Vec<[f32; 3]>> = colors[part.clone()]
+            .par_iter()
+            .map(|&rgb| {
+                let radiance = upsampling.radiance(rgb);
+                viewings.iter().map(|viewing| viewing.relative_rgb(&radiance)).collect()
+            })
+            .collect();
+        for (i, seen) in part.zip(seen) {
+            found.iter_mut().zip(seen).for_each(|(found, rgb)| found[i] = rgb);
+        }
+    }
+    Ok(found)
 }

@@ -7,6 +7,7 @@ use pellucid_refine::{Aim, Evaluation, Judge, JudgeInput, Judged as Judgement, V
 use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
+use crate::job::appearance::pictured;
 use crate::job::{Aimed, Refined};
 use crate::report::{ErrorHistogram, LightErrors, PictureError, PredictionError};
 use crate::stage::Stage;
@@ -34,9 +35,24 @@ pub struct Judged {
     pub error_parts: [Vec<[f32; 3]>; 2],
     /// Errors and inconstancy under all lights, where there are several.
     pub lights: Vec<LightErrors>,
-    /// Target, unrefined and refined appearance from both sides, media-relative linear RGB; and the refined error at
+    /// The look under each light but the first.
+    pub light_looks: Vec<LightLook>,
+    /// Target, unrefined and refined appearance from both sides, linear RGB by
+    /// [`PrintSettings::proof_intent`](crate::PrintSettings::proof_intent); and the refined error at
     /// 0.1 mm to the target as given in its parts, out of gamut, too thin and cross-talk.
     pub proof: Proof,
+}
+
+/// A print under one more light, smoothed over 0.1 mm of surface: a value a surface voxel.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct LightLook {
+    /// Linear RGB before refinement, relative to the print's white under the light.
+    pub unrefined: Vec<[f32; 3]>,
+    /// The same of the labels to print.
+    pub refined: Vec<[f32; 3]>,
+    /// CIEDE2000 of these from their look under the first light: colour inconstancy.
+    pub inconstancy: Vec<f32>,
 }
 
 /// What the judge saw: kept by the workspace.
@@ -47,6 +63,9 @@ struct Verdict {
     picture: PictureError,
     #[serde(default)]
     lights: Vec<LightErrors>,
+    /// One for each light but the first.
+    #[serde(skip)]
+    light_looks: Vec<LightLook>,
     /// Of every surface voxel, before and after.
     #[serde(skip)]
     appearance: [Vec<[f32; 3]>; 2],
@@ -85,7 +104,9 @@ impl PrintJob {
             }
         };
         let [before, after] = &verdict.appearance;
-        let states = [("target", &aimed.target[..]), ("unrefined", before), ("refined", after)];
+        let pictured = |colors| pictured(colors, self.settings.proof_intent, &aimed.viewing);
+        let colors = [pictured(&aimed.target), pictured(before), pictured(after)];
+        let states = [("target", &colors[0][..]), ("unrefined", &colors[1]), ("refined", &colors[2])];
         let (surface, edge) = (aimed.object.surface(), self.settings.proof_edge);
         let proof = monitor.run(Stage::Proof, |c| {
             let views = View::front_and_back();
@@ -96,6 +117,7 @@ impl PrintJob {
             prediction: verdict.prediction,
             picture: verdict.picture,
             lights: verdict.lights,
+            light_looks: verdict.light_looks,
             appearance: verdict.appearance,
             error_parts: verdict.parts,
             proof,
@@ -137,8 +159,8 @@ impl PrintJob {
         let evaluation = Evaluation { unrefined: before.errors, refined: after.errors };
         let parts =
             [judge.error_parts(&appearance[0], &silent)?, judge.error_parts(&appearance[1], &silent)?];
-        let lights = self.lights(aimed, [&refined.unrefined, &refined.labels], &silent)?;
-        Ok(Verdict { evaluation, prediction, picture, lights, appearance, parts })
+        let (lights, light_looks) = self.lights(aimed, [&refined.unrefined, &refined.labels], &silent)?;
+        Ok(Verdict { evaluation, prediction, picture, lights, light_looks, appearance, parts })
     }
 
     /// Labels before and after under all lights, where there are several.
@@ -147,9 +169,9 @@ impl PrintJob {
         aimed: &Aimed,
         labels: [&LabelGrid; 2],
         control: &Control<'_>,
-    ) -> Result<Vec<LightErrors>, PrintError> {
+    ) -> Result<(Vec<LightErrors>, Vec<LightLook>), PrintError> {
         if aimed.further.is_empty() {
-            return Ok(Vec::new());
+            return Ok(Default::default());
         }
         let problem = aimed.problem();
         let own = Aim { viewing: problem.viewing, printable_target: problem.printable_target };
@@ -161,16 +183,22 @@ impl PrintJob {
             let (radiance, _) = predict_all(&*bound, &aimed.object, draw, control)?;
             Ok::<_, PrintError>(Viewed::of(aimed.object.surface(), &aims, &radiance, control)?)
         };
-        let [before, after] = [look(labels[0])?, look(labels[1])?];
+        let [before, mut after] = [look(labels[0])?, look(labels[1])?];
         let lights =
             std::iter::once(self.settings.illuminant).chain(aimed.further.iter().map(|f| f.illuminant));
-        let each = lights.enumerate().map(|(i, illuminant)| LightErrors {
+        let errors = lights.zip(&aims).enumerate().map(|(i, (illuminant, aim))| LightErrors {
             illuminant,
+            media_white: aim.viewing.media_white(),
             error: [before.errors[i], after.errors[i]],
             inconstancy: [before.inconstancy[i], after.inconstancy[i]],
             wanted_inconstancy: after.wanted_inconstancy[i],
         });
-        Ok(each.collect())
+        let errors = errors.collect();
+        let maps = std::mem::take(&mut after.maps);
+        let looks = before.shown.into_iter().zip(after.shown).zip(maps).skip(1);
+        let looks =
+            looks.map(|((unrefined, refined), inconstancy)| LightLook { unrefined, refined, inconstancy });
+        Ok((errors, looks.collect()))
     }
 
     /// Radiance of some points by the network without its correction, where the job's predictor has one.
@@ -205,13 +233,18 @@ impl PrintJob {
 }
 
 impl Verdict {
-    /// The length of the errors as JSON, them, and both appearances and the parts as little-endian numbers.
+    /// The length of the errors as JSON, them, and as little-endian numbers both appearances, the parts, and the looks under
+    /// further lights.
     fn to_bytes(&self) -> Vec<u8> {
         let errors = serde_json::to_vec(self).unwrap_or_default();
         let mut bytes = (errors.len() as u64).to_le_bytes().to_vec();
         bytes.extend(errors);
-        let fields = self.appearance.iter().chain(&self.parts);
-        bytes.extend(fields.flatten().flatten().flat_map(|v| v.to_le_bytes()));
+        let mut add = |values: &[f32]| bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+        self.appearance.iter().chain(&self.parts).for_each(|field| add(field.as_flattened()));
+        for LightLook { unrefined, refined, inconstancy } in &self.light_looks {
+            [unrefined, refined].into_iter().for_each(|field| add(field.as_flattened()));
+            add(inconstancy);
+        }
         bytes
     }
 
@@ -221,14 +254,21 @@ impl Verdict {
         let (errors, fields) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
         let mut verdict: Self = serde_json::from_slice(errors).ok()?;
         let (values, []) = fields.as_chunks::<4>() else { return None };
-        let (colors, []) = values.as_chunks::<3>() else { return None };
-        if colors.len() != 4 * points {
+        let looks = verdict.lights.len().saturating_sub(1);
+        if values.len() != (4 * 3 + 7 * looks) * points {
             return None;
         }
-        let field =
-            |i: usize| colors[i * points..][..points].iter().map(|v| v.map(f32::from_le_bytes)).collect();
-        verdict.appearance = [field(0), field(1)];
-        verdict.parts = [field(2), field(3)];
+        let values: Vec<f32> = values.iter().map(|v| f32::from_le_bytes(*v)).collect();
+        // From a place on, counted in numbers a surface voxel.
+        let field = |from: usize| values[from * points..][..3 * points].as_chunks().0.to_vec();
+        verdict.appearance = [field(0), field(3)];
+        verdict.parts = [field(6), field(9)];
+        let look = |i: usize| {
+            let from = 12 + 7 * i;
+            let inconstancy = values[(from + 6) * points..][..points].to_vec();
+            LightLook { unrefined: field(from), refined: field(from + 3), inconstancy }
+        };
+        verdict.light_looks = (0..looks).map(look).collect();
         Some(verdict)
     }
 }

@@ -1,6 +1,7 @@
 //! The main job: from a model to a prepared print, in four artefacts that a tool may make, keep or replace one by one.
 
 mod aimed;
+mod appearance;
 mod clear;
 mod judged;
 #[cfg(feature = "glb")]
@@ -9,6 +10,7 @@ mod model;
 mod page;
 mod placed;
 mod prepared;
+mod preview;
 mod proof_files;
 mod refined;
 mod slices_proof;
@@ -29,9 +31,10 @@ use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyK
 
 pub use aimed::{Aimed, FurtherAim, SharedInk};
 pub use clear::{ClearParts, ClearReport};
-pub use judged::Judged;
+pub use judged::{Judged, LightLook};
 pub use placed::Placed;
 pub use prepared::{Prepared, own_files};
+pub use preview::{Preview, PreviewDetail, PreviewReport};
 pub use proof_files::ProofFiles;
 pub use refined::Refined;
 pub use slices_proof::{SlicesProof, SlicesReport};

@@ -141,11 +141,15 @@ impl Prepared {
 
 /// Writes a report, as JSON for people and programs.
 pub(super) fn write_report(report: &impl Serialize, folder: &Path) -> Result<(), PrintError> {
-    let path = folder.join(REPORT_FILE);
-    let mut text = serde_json::to_vec_pretty(report)
-        .map_err(|e| FileError::at("write", &path)(std::io::Error::other(e)))?;
+    write_json(report, &folder.join(REPORT_FILE))
+}
+
+/// Writes a value as JSON for people and programs.
+pub(super) fn write_json(value: &impl Serialize, path: &Path) -> Result<(), PrintError> {
+    let mut text = serde_json::to_vec_pretty(value)
+        .map_err(|e| FileError::at("write", path)(std::io::Error::other(e)))?;
     text.push(b'\n');
-    Ok(write_whole_bytes(&path, &text)?)
+    Ok(write_whole_bytes(path, &text)?)
 }
 
 /// Figures as a file of the folder has them, to the last digit.

@@ -4,22 +4,22 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pellucid_color::Viewing;
-use pellucid_core::Control;
 use pellucid_core::staging::{self, OwnFiles, StagedDir};
-use pellucid_predict::{BoundPredictor, Changed, Draw, Object, Pass, Predictor, without_noise};
+use pellucid_predict::Object;
 use pellucid_proof::{Proof, View};
 use pellucid_slice::Manifest;
 use pellucid_voxel::{LabelGrid, Surface, SurfaceOptions, local_thickness_mm};
 use serde::{Deserialize, Serialize};
 
 use crate::job::ProofFiles;
+use crate::job::appearance::{Appearance, pictured};
 use crate::job::clear::{CLEAR, without_label};
 use crate::job::placed::THICK_MM;
 use crate::job::prepared::{REPORT_FILE, write_report};
 use crate::picture_error::PictureError;
 use crate::report::{Resins, StageTime, Thinness};
 use crate::stage::Stage;
-use crate::{Monitor, PrintError, PrintJob, PrintSettings, predictors};
+use crate::{Monitor, PrintError, PrintJob, PrintSettings};
 
 /// Labels and what they look like.
 #[non_exhaustive]
@@ -42,7 +42,7 @@ pub struct SlicesProof {
     pub thickness_mm: Vec<f32>,
     /// How far off the appearance is.
     pub picture: PictureError,
-    media_white: [f32; 3],
+    viewing: Viewing,
 }
 
 /// What a proof from slices reports, written as `report.json`.
@@ -127,8 +127,8 @@ impl PrintJob {
             monitor.run(Stage::Thickness, |c| local_thickness_mm(seen, &surface, THICK_MM, c))?;
         let viewing = Viewing::of_print(&s.materials, "white", s.refractive_index, s.illuminant)?;
         let object = Arc::new(Object::new(surface, s.materials.clone(), s.refractive_index)?);
-        let (colors, picture) =
-            monitor.run(Stage::Predict, |c| self.appearance(seen, &object, &viewing, c))?;
+        let Appearance { colors, picture, .. } =
+            monitor.run(Stage::Predict, |c| self.appearance_by_paths(seen, &object, &viewing, c))?;
         Ok(SlicesProof {
             name: name.to_owned(),
             settings: s.clone(),
@@ -139,48 +139,8 @@ impl PrintJob {
             colors,
             thickness_mm,
             picture,
-            media_white: viewing.media_white(),
+            viewing,
         })
-    }
-
-    /// Appearance of every surface voxel without noise, and its error.
-    fn appearance(
-        &self,
-        labels: &LabelGrid,
-        object: &Arc<Object>,
-        viewing: &Viewing,
-        control: &Control<'_>,
-    ) -> Result<(Vec<[f32; 3]>, PictureError), PrintError> {
-        let s = &self.settings;
-        let silent = control.silent();
-        let bind = |spp: u32| -> Result<Box<dyn BoundPredictor>, PrintError> {
-            let mut bound = predictors::monte_carlo(s, spp)?.bind(Arc::clone(object))?;
-            bound.update(labels, Changed::Unknown, &silent)?;
-            Ok(bound)
-        };
-        let predict = |bound: &dyn BoundPredictor, points: &[u32], pass: u32, control: &Control<'_>| {
-            let mut radiance = vec![0.0; points.len() * object.channels()];
-            bound.predict(points, Draw::new(s.seed, Pass::Judge(pass)), &mut radiance, control)?;
-            Ok::<_, PrintError>(radiance)
-        };
-        let (all, bound) = (object.points(), bind(s.judge_spp)?);
-        let half = |pass: u32| {
-            let progress = |done: u64, total: u64| control.report(u64::from(pass) * total + done, 3 * total);
-            let radiance = predict(&*bound, &all, pass, &silent.with_progress(&progress))?;
-            let shown = radiance.chunks_exact(object.channels()).map(|l| viewing.relative_rgb(l));
-            Ok::<_, PrintError>(shown.collect::<Vec<_>>())
-        };
-        let halves = [half(0)?, half(1)?];
-        let shown = halves.each_ref().map(Vec::as_slice);
-        let colors = without_noise(object, labels, viewing.leading_channels(), shown, &silent)?;
-        let precise = bind(s.judge_point_spp)?;
-        // Spread over the list of surface voxels, and so over the surface.
-        let count = all.len().min(s.judge.points as usize);
-        let points: Vec<u32> = (0..count).map(|i| all[i * all.len() / count]).collect();
-        let halves = [predict(&*precise, &points, 2, &silent)?, predict(&*precise, &points, 3, &silent)?];
-        control.report(1, 1);
-        let picture = PictureError::of(&colors, &points, &halves, viewing);
-        Ok((colors, picture))
     }
 }
 
@@ -208,7 +168,7 @@ impl SlicesProof {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             name: self.name.clone(),
             settings: self.settings.clone(),
-            media_white: self.media_white,
+            media_white: self.viewing.media_white(),
             extent_mm: [0, 1, 2].map(extent),
             solid_voxels: self.labels.solid_count(),
             surface_voxels: surface.len() as u64,
@@ -242,7 +202,8 @@ impl SlicesProof {
         files.check()?;
         let staged = StagedDir::begin(dir, force, &own_files())?;
         let surface = self.object.surface();
-        let states = [("print", &self.colors[..])];
+        let colors = pictured(&self.colors, self.settings.proof_intent, &self.viewing);
+        let states = [("print", &colors[..])];
         monitor.run(Stage::Proof, |c| {
             let views = View::front_and_back();
             let proof = Proof::draw(self.opaque(), surface, &views, self.settings.proof_edge, &states, c)?;

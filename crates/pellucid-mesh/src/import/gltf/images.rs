@@ -3,7 +3,7 @@
 use super::REEXPORT;
 use super::buffers::Buffers;
 use crate::MeshError;
-use crate::import::picture::{self, Decoded};
+use crate::import::picture::{self, Decoded, Profiles};
 use crate::import::source::label;
 
 /// Decodes image `index`, charging its size to `budget` (bytes left for all textures).
@@ -28,5 +28,5 @@ pub(super) fn decode(buffers: &Buffers, index: usize, budget: &mut u64) -> Resul
             return Err(source.invalid(object, "it has neither a URI nor a buffer view", picture::PLAIN));
         }
     };
-    picture::decode(source, &object, bytes, budget)
+    picture::decode(source, &object, bytes, Profiles::Ignored, budget)
 }

@@ -13,6 +13,10 @@ const RGB_OF_XYZ = [
 const WHITE = [0.95045593, 1, 1.08905775];
 
 const linearOf = (byte) => (byte <= 10.31475 ? byte / 3294.6 : ((byte / 255 + 0.055) / 1.055) ** 2.4);
+const byteOf = (v) => {
+  const linear = Math.min(Math.max(v, 0), 1);
+  return Math.round(255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055));
+};
 const times = (matrix, v) => matrix.map((row) => row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
 
 function labOf(bytes) {
@@ -26,10 +30,7 @@ function labOf(bytes) {
 function bytesOfLab([l, a, b]) {
   const y = (l + 16) / 116;
   const xyz = [y + a / 500, y, y - b / 200].map((f, i) => WHITE[i] * (f > 6 / 29 ? f ** 3 : (116 * f - 16) / (24389 / 27)));
-  return times(RGB_OF_XYZ, xyz).map((v) => {
-    const linear = Math.min(Math.max(v, 0), 1);
-    return Math.round(255 * (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055));
-  });
+  return times(RGB_OF_XYZ, xyz).map(byteOf);
 }
 
 // Of lightness, chroma and hue as a report has them.

@@ -28,8 +28,12 @@ function themes() {
 function showView(viewer) {
   const { fields } = viewer.surface;
   const buttons = new Map();
+  const options = new Map([...element("compare").options].map((option) => [option.value, option]));
   const update = () => {
-    for (const [key, button] of buttons) button.setAttribute("aria-pressed", key === viewer.left);
+    for (const [key, button] of buttons) {
+      button.setAttribute("aria-pressed", key === viewer.left);
+      button.hidden = options.get(key).disabled = !viewer.field(key);
+    }
     const [left, right] = [viewer.field(viewer.left), viewer.right && viewer.field(viewer.right)];
     element("left-name").textContent = left.label;
     element("right-name").textContent = right ? right.label : "";
@@ -41,12 +45,15 @@ function showView(viewer) {
     viewer.left = key;
     update();
   };
-  for (const field of fields) {
+  // Each once, whatever lights it is seen under.
+  const byKey = new Map(fields.map((field) => [field.key, field]));
+  for (const field of byKey.values()) {
     const button = make("button", { type: "button", textContent: field.label, onclick: () => choose(field.key) });
     button.dataset.field = field.key;
     buttons.set(field.key, button);
     element(field.quantity ? "quantities" : "colors").append(button);
-    element("compare").append(make("option", { value: field.key, textContent: field.label }));
+    options.set(field.key, make("option", { value: field.key, textContent: field.label }));
+    element("compare").append(options.get(field.key));
   }
   element("quantity-set").hidden = !fields.some((field) => field.quantity);
   element("compare").addEventListener("change", (event) => {
@@ -59,6 +66,13 @@ function showView(viewer) {
   element("shade").addEventListener("change", (event) => {
     viewer.shaded = event.target.checked;
     viewer.ask();
+  });
+  const paper = showPaperWhite(viewer);
+  showLights(viewer, () => {
+    if (!viewer.field(viewer.left)) viewer.left = "refined";
+    if (viewer.right && !viewer.field(viewer.right)) viewer.right = element("compare").value = "";
+    paper();
+    update();
   });
   const distance = () => {
     viewer.distance = Number(element("distance").value);
@@ -78,8 +92,35 @@ function showView(viewer) {
   viewer.drawn = () => placeMarker(viewer);
   viewer.listen((vertex) => showPick(viewer, vertex));
   new ResizeObserver(() => viewer.ask()).observe(viewer.canvas);
-  choose(viewer.field("refined") ? "refined" : fields[0].key);
+  choose(["refined", "unrefined", fields[0].key].find((key) => viewer.field(key)));
   return choose;
+}
+
+// The print's own white beside a perfect one, on request.
+function showPaperWhite(viewer) {
+  element("paper-line").hidden = !REPORT?.media_white;
+  if (!REPORT?.media_white) return () => {};
+  const changed = () => {
+    const { media_white } = REPORT.lights?.find((light) => light.illuminant === viewer.light) ?? REPORT;
+    viewer.white = element("paper").checked ? media_white : [1, 1, 1];
+    if (viewer.marked !== null) showPick(viewer, viewer.marked);
+    viewer.ask();
+  };
+  element("paper").checked = (REPORT.record ?? REPORT).settings?.proof_intent === "AbsoluteColorimetric";
+  element("paper").addEventListener("change", changed);
+  changed();
+  return changed;
+}
+
+// The lights of a spectral print; the first is the one that it was judged under.
+function showLights(viewer, changed) {
+  const [first, ...further] = (REPORT?.lights ?? []).map((light) => light.illuminant);
+  element("light-line").hidden = !further.length;
+  for (const light of [first, ...further]) element("light").append(make("option", { value: light ?? "", textContent: light ?? "" }));
+  element("light").addEventListener("change", () => {
+    viewer.light = further.includes(element("light").value) ? element("light").value : null;
+    changed();
+  });
 }
 
 function showLegend(viewer, field) {
@@ -134,10 +175,11 @@ function showPick(viewer, vertex) {
     return;
   }
   const table = make("table");
-  for (const field of viewer.surface.fields) {
-    const bytes = field.channels.map((channel) => channel[vertex]);
+  const fields = [...new Set(viewer.surface.fields.map((field) => viewer.field(field.key)))].filter(Boolean);
+  for (const field of fields) {
+    const bytes = field.quantity ? [field.channels[0][vertex]] : viewer.shownAt(field, vertex);
     const swatch = make("span", { className: "swatch" });
-    swatch.style.background = cssOf(viewer.colorAt(field, vertex));
+    swatch.style.background = cssOf(viewer.shownAt(field, vertex));
     const row = table.insertRow();
     row.dataset.field = field.key;
     row.append(make("th", { scope: "row" }, swatch, field.label));
@@ -173,22 +215,44 @@ function showFindings(viewer, choose) {
   };
   for (const button of document.querySelectorAll("[data-show]")) {
     const [key, at] = button.dataset.show.split(":");
+    if (key === "places") {
+      showPlaces(viewer, button, REPORT.mesh.places[at]);
+      continue;
+    }
     const field = key === "class" ? "error" : key;
     if (!viewer.field(field)) {
       button.remove();
       continue;
     }
     button.addEventListener("click", () => {
+      element("light").selectedIndex = 0;
+      element("light").dispatchEvent(new Event("change"));
       const value = valueOf(field);
       let score = key === "thickness" ? (vertex) => -value(vertex) : value;
       if (key === "class") score = classScore(REPORT.evaluation.refined.colour_classes[at].target);
       const vertex = viewer.best(score);
       choose(field);
-      viewer.lookAt(vertex);
-      showPick(viewer, vertex);
-      element("stage").scrollIntoView({ block: "center" });
+      pointAt(viewer, vertex);
     });
   }
+}
+
+function pointAt(viewer, vertex) {
+  viewer.lookAt(vertex);
+  showPick(viewer, vertex);
+  element("stage").scrollIntoView({ block: "center" });
+}
+
+// One place of the mesh after the other.
+function showPlaces(viewer, button, places) {
+  let next = 0;
+  const name = () => (button.textContent = places.length > 1 ? `Show me ${next + 1} of ${places.length}` : "Show me");
+  name();
+  button.addEventListener("click", () => {
+    pointAt(viewer, viewer.nearest(places[next]));
+    next = (next + 1) % places.length;
+    name();
+  });
 }
 
 function showLayers(index, manifest) {
@@ -226,12 +290,12 @@ function saveButtons(manifest) {
   for (const button of document.querySelectorAll("[data-save]")) {
     button.addEventListener("click", () => {
       const text = JSON.stringify(texts[button.dataset.save], null, 2) + "\n";
-      const link = make("a", { href: URL.createObjectURL(new Blob([text])), download: `${button.dataset.save}.json` });
+      const link = make("a", { href: URL.createObjectURL(new Blob([text])), download: button.textContent.replace("Save ", "") });
       link.click();
       URL.revokeObjectURL(link.href);
     });
   }
-  element("record").textContent = JSON.stringify(manifest.settings ?? manifest, null, 2);
+  element("record").textContent = JSON.stringify(manifest?.settings ?? manifest ?? REPORT.record.settings, null, 2);
 }
 
 async function start() {
@@ -240,7 +304,7 @@ async function start() {
   const manifest = jsonOf("manifest");
   showCharts();
   saveButtons(manifest);
-  const layers = showLayers(contents.slices, manifest);
+  const layers = contents.slices && showLayers(contents.slices, manifest);
   try {
     const viewer = new Viewer(element("view"), await readSurface(contents.surface), contents.scale);
     showFindings(viewer, showView(viewer));

@@ -10,6 +10,7 @@ uniform vec3 scale;   // clip units a mm across, up and into the scene
 uniform vec2 shift;   // clip units
 uniform vec4 window;  // which part of the clip space is drawn: factor, offset
 uniform float shaded;
+uniform vec3 white;   // linear light that the print's white stands for
 out vec3 light;
 flat out highp uint vertex;
 vec3 linear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
@@ -19,7 +20,7 @@ void main() {
   gl_Position = vec4(place * window.xy + window.zw, dot(p, into) * scale.z, 1.0);
   vec3 n = normalize(normal.xyz + 1e-4);
   float lamp = dot(n, normalize(-into + 0.6 * up - 0.4 * right));
-  light = linear(color.rgb) * mix(1.0, 0.25 + 0.75 * max(0.5 + 0.5 * lamp, 0.0), shaded);
+  light = white * linear(color.rgb) * mix(1.0, 0.25 + 0.75 * max(0.5 + 0.5 * lamp, 0.0), shaded);
   vertex = uint(gl_VertexID);
 }`;
 

@@ -17,6 +17,8 @@ class Viewer {
     this.split = 0.5;
     this.distance = 0;
     this.shaded = false;
+    this.white = [1, 1, 1]; // linear light that the print's white is shown as
+    this.light = null; // what the print is looked at under; null for the first light
     this.background = [0.5, 0.5, 0.5];
     this.marked = null;
     this.drawn = () => {};
@@ -137,8 +139,10 @@ class Viewer {
     buffer(surface.triangles, gl.ELEMENT_ARRAY_BUFFER);
   }
 
+  // Under the chosen light, which thickness does not depend on.
   field(key) {
-    return this.surface.fields.find((field) => field.key === key);
+    const light = key === "thickness" ? undefined : this.light ?? undefined;
+    return this.surface.fields.find((field) => field.key === key && field.under === light);
   }
 
   // sRGB of a field at a vertex, false colours for quantities.
@@ -150,18 +154,24 @@ class Viewer {
     return this.scaleColors[below].map((v, c) => Math.round(v + (t - below) * (this.scaleColors[below + 1][c] - v)));
   }
 
+  // sRGB as it is shown.
+  shownAt(field, vertex) {
+    const bytes = this.colorAt(field, vertex);
+    return field.quantity ? bytes : bytes.map((byte, c) => byteOf(linearOf(byte) * this.white[c]));
+  }
+
   useColors(key) {
     const { gl } = this;
-    let buffer = this.colorBuffers.get(key);
+    const field = this.field(key);
+    let buffer = this.colorBuffers.get(field);
     if (!buffer) {
-      const field = this.field(key);
       const bytes = new Uint8Array(4 * this.surface.vertices);
       const table = field.quantity && Array.from({ length: 256 }, (_, v) => this.colorAt({ ...field, channels: [[v]] }, 0));
       for (let i = 0; i < this.surface.vertices; i++) {
         for (let c = 0; c < 3; c++) bytes[4 * i + c] = table ? table[field.channels[0][i]][c] : field.channels[c][i];
       }
       buffer = gl.createBuffer();
-      this.colorBuffers.set(key, buffer);
+      this.colorBuffers.set(field, buffer);
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
     }
@@ -283,6 +293,7 @@ class Viewer {
     gl.uniform2f(uniforms.shift, this.pan[0] * sx, this.pan[1] * sy);
     gl.uniform4fv(uniforms.window, window);
     gl.uniform1f(uniforms.shaded ?? null, this.shaded ? 1 : 0);
+    gl.uniform3fv(uniforms.white ?? null, this.field(key).quantity ? [1, 1, 1] : this.white);
     gl.drawElements(gl.TRIANGLES, this.surface.triangles.length, gl.UNSIGNED_INT, 0);
     gl.disable(gl.DEPTH_TEST);
   }
@@ -331,6 +342,12 @@ class Viewer {
       if (value > most) [found, most] = [i, value];
     }
     return found;
+  }
+
+  // The vertex nearest to a place in mm.
+  nearest(place) {
+    const { positions } = this.surface;
+    return this.best((i) => -place.reduce((sum, v, axis) => sum + (positions[3 * i + axis] - v) ** 2, 0));
   }
 
   // Pointers, wheel and keys. `picked` hears of the vertex at a place that was tapped.
