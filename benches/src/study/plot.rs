@@ -171,8 +171,21 @@ fn part(axis: &Axis, value: f64) -> f64 {
     ((value / low).ln() / (high / low).ln()).clamp(0.0, 1.0)
 }
 
-/// Powers of ten and their threefold within an axis; only the former are labelled on crowded axes.
+/// Powers of ten and their threefold within an axis, of which only the former are labelled on crowded axes; of an axis too
+/// short for two of those, even steps.
 fn ticks(axis: &Axis) -> Vec<(f64, bool)> {
+    let logarithmic = decades(axis);
+    if logarithmic.len() >= 2 {
+        return logarithmic;
+    }
+    let [low, high] = axis.range;
+    let power = 10f64.powf((high - low).log10().floor());
+    let step = if high - low < 3.0 * power { power / 2.0 } else { power };
+    let first = (low / step - 1e-9).ceil() as u64;
+    (first..).map(|i| i as f64 * step).take_while(|v| *v <= high * (1.0 + 1e-9)).map(|v| (v, true)).collect()
+}
+
+fn decades(axis: &Axis) -> Vec<(f64, bool)> {
     let [low, high] = axis.range;
     let decades = (high / low).log10();
     (low.log10().floor() as i32..=high.log10().ceil() as i32)
@@ -223,5 +236,8 @@ mod tests {
         for label in [">0.03<", ">0.3<", ">1<", ">30<"] {
             assert!(svg.contains(label), "{label}");
         }
+        let at = |range| ticks(&axis(range)).iter().map(|t| t.0).collect::<Vec<_>>();
+        assert_eq!(at([400.0, 700.0]), [400.0, 500.0, 600.0, 700.0]);
+        assert_eq!(at([1.5, 2.6]), [1.5, 2.0, 2.5]);
     }
 }
