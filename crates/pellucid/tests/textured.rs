@@ -110,6 +110,29 @@ fn the_texture_written_is_compensated_and_predicted_to_gain() {
 }
 
 #[test]
+fn every_format_gives_the_same_labels() {
+    let folder = tempfile::tempdir().unwrap();
+    let monitor = Monitor::silent();
+    let model = striped(false);
+    let prepared = job(StrategyKind::SurfaceColor, 1).prepare(&model, &Workspace::none(), &monitor).unwrap();
+    let as_it_is = job(StrategyKind::SurfaceFirst, 0);
+    let mut labels = Vec::new();
+    for format in MeshFormat::ALL.into_iter().filter(|f| f.is_available()) {
+        let out = folder.path().join(format.name());
+        let report = prepared.write_texture(&out, &model, format, false, &monitor).unwrap();
+        let file = &report.texture.unwrap().files[0];
+        let back = import_path(out.join(file), &ImportLimits::default()).unwrap();
+        let aimed = as_it_is.aim(as_it_is.place(&back, &monitor).unwrap(), &monitor).unwrap();
+        labels.push((format, as_it_is.refine(&aimed, &Workspace::none(), &monitor).unwrap().labels));
+    }
+    let (_, first) = &labels[0];
+    assert!(first.histogram()[1..].iter().filter(|&&n| n > 100).count() > 2, "several inks");
+    for (format, other) in &labels[1..] {
+        assert!(first == other, "{} gives other labels", format.name());
+    }
+}
+
+#[test]
 fn other_strategies_make_no_texture() {
     let folder = tempfile::tempdir().unwrap();
     let job = job(StrategyKind::SurfaceFirst, 0);
