@@ -11,16 +11,13 @@ mod runs;
 mod scene;
 mod verdict;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Parser;
-use pellucid::core::files::write_whole_bytes;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
-use pellucid_benches::study::{Record, Study, StudySettings};
+use pellucid_benches::study::{Kept, Record, Study, StudySettings};
 use scene::Scene;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 /// The heuristic against differentiable rendering
 #[derive(Parser)]
@@ -35,7 +32,7 @@ struct Args {
 fn main() -> Result<(), Error> {
     let args = Args::parse();
     let full = args.study.full;
-    let kept = Kept::new(args.state.as_deref(), full)?;
+    let kept = Kept::new("differentiable", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
     let scene = Scene::new(full)?;
     let mut record = Record::now("differentiable", rayon::current_num_threads());
     record.add("slab", scene.describe());
@@ -54,36 +51,4 @@ fn main() -> Result<(), Error> {
         &report::by_iteration(&runs),
     )?;
     Ok(())
-}
-
-/// Folder of what is done.
-pub struct Kept(PathBuf);
-
-impl Kept {
-    fn new(given: Option<&Path>, full: bool) -> Result<Self, Error> {
-        let folder = given.unwrap_or(Path::new(env!("CARGO_TARGET_TMPDIR"))).join(match (given, full) {
-            (Some(_), true) => "full",
-            (Some(_), false) => "small",
-            (None, true) => "differentiable-full",
-            (None, false) => "differentiable-small",
-        });
-        std::fs::create_dir_all(&folder)?;
-        Ok(Self(folder))
-    }
-
-    /// What was measured before, or now, and then kept.
-    pub fn or<T: Serialize + DeserializeOwned>(
-        &self,
-        name: &str,
-        measure: impl FnOnce() -> Result<T, Error>,
-    ) -> Result<T, Error> {
-        let path = self.0.join(format!("{}.json", name.replace([' ', ',', '.'], "-")));
-        if path.exists() {
-            return Ok(serde_json::from_slice(&std::fs::read(&path)?)?);
-        }
-        println!("{name}");
-        let found = measure()?;
-        write_whole_bytes(&path, &serde_json::to_vec(&found)?)?;
-        Ok(found)
-    }
 }

@@ -7,10 +7,10 @@ use pellucid_benches::slab::judge::{Judge, Judged, relative};
 use pellucid_benches::slab::loss::{Loss, LossKind};
 use pellucid_benches::slab::rule::{Descent, Rule};
 use pellucid_benches::slab::tracer::Draw;
+use pellucid_benches::study::Kept;
 use pellucid_core::random::{Domain, uniform};
 use serde::{Deserialize, Serialize};
 
-use super::Kept;
 use super::scene::Scene;
 
 const PREDICT: Domain = Domain::new("differentiable: predict");

@@ -8,17 +8,14 @@ mod predictors;
 mod report;
 mod table_one;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Parser;
-use pellucid::core::files::write_whole_bytes;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
 use pellucid_benches::study::stopwatch::on_one_thread;
-use pellucid_benches::study::{Record, Study, StudySettings};
+use pellucid_benches::study::{Kept, Record, Study, StudySettings};
 use predictors::Row;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use table_one::Line;
 
 /// Error against run time of every predictor
@@ -42,26 +39,22 @@ fn main() -> Result<(), Error> {
 fn study(args: &Args) -> Result<(), Error> {
     let control = Control::none();
     let full = args.study.full;
-    let state =
-        args.state.clone().unwrap_or_else(|| Path::new(env!("CARGO_TARGET_TMPDIR")).join("error-state"));
-    let state = state.join(if full { "full" } else { "small" });
-    std::fs::create_dir_all(&state)?;
+    let kept = Kept::new("error_vs_time", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
     let mut record = Record::now("error_vs_time", 1);
     record.add("weights", pellucid::rpnn::shipped()?.weights.digest());
     record.add("matrix products", "factors rounded to bfloat16, sums in f32");
     let study = Study::new("error_vs_time", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
     let mut rows: Vec<Row> = Vec::new();
     for subject in objects::all(full).into_iter().filter(|s| s.name.contains(&args.only)) {
-        rows.extend(kept(&state, &subject.name, || {
+        rows.extend(kept.or(&subject.name, || {
             let object = subject.judged(&control)?;
             predictors::measure(&subject, &object, &control)
         })?);
     }
     let mut lines: Vec<Line> = Vec::new();
     for (model, height_mm) in table_one::models(full).into_iter().filter(|(m, _)| m.contains(&args.only)) {
-        lines.extend(kept(&state, &format!("table one, {model}"), || {
-            Ok(vec![table_one::measure(model, height_mm, &control)?])
-        })?);
+        let name = format!("table one, {model}");
+        lines.push(kept.or(&name, || table_one::measure(model, height_mm, &control))?);
     }
     study.write(
         "Error against run time",
@@ -70,19 +63,4 @@ fn study(args: &Args) -> Result<(), Error> {
         &report::plot(&rows),
     )?;
     Ok(())
-}
-
-/// What was measured before, or now, and then kept.
-fn kept<T: Serialize + DeserializeOwned>(
-    state: &Path,
-    name: &str,
-    measure: impl FnOnce() -> Result<Vec<T>, Error>,
-) -> Result<Vec<T>, Error> {
-    let path = state.join(format!("{}.json", name.replace([' ', ','], "-")));
-    if path.exists() {
-        return Ok(serde_json::from_slice(&std::fs::read(&path)?)?);
-    }
-    let found = measure()?;
-    write_whole_bytes(&path, &serde_json::to_vec(&found)?)?;
-    Ok(found)
 }

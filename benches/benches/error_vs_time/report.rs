@@ -10,6 +10,9 @@ use super::table_one::Line;
 /// Errors for which the fastest predictor is named.
 const WANTED: [f64; 5] = [0.1, 0.05, 0.03, 0.02, 0.01];
 
+/// What predictors judged in a loop are called, after their name.
+const LOOP: &str = ", in a loop";
+
 /// All rows.
 pub fn table(rows: &[Row]) -> Table {
     let mut table = Table::new(&[
@@ -161,9 +164,11 @@ pub fn plot(rows: &[Row]) -> Plot {
             panels.push(Panel { title: row.object.clone(), series: Vec::new() });
             panels.len() - 1
         });
+        // With its memory filled it is another curve.
+        let name = row.family.clone() + if row.predictor.ends_with(LOOP) { LOOP } else { "" };
         let series = &mut panels[at].series;
-        let line = series.iter().position(|s| s.name == row.family).unwrap_or_else(|| {
-            series.push(Series { name: row.family.clone(), points: Vec::new() });
+        let line = series.iter().position(|s| s.name == name).unwrap_or_else(|| {
+            series.push(Series { name, points: Vec::new() });
             series.len() - 1
         });
         series[line].points.push([row.microseconds, row.rmse]);

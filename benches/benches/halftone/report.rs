@@ -98,10 +98,12 @@ pub fn plot(rows: &[Row]) -> Plot {
         };
         Panel { title: plate.to_owned(), series: methods.iter().map(of).collect() }
     };
+    let panels: Vec<Panel> = names(rows, |row| row.plate).into_iter().map(panel).collect();
+    let drawn = panels.iter().flat_map(|panel| &panel.series).flat_map(|series| &series.points);
     Plot {
         x: Axis { title: "Gaussian, mm".into(), range: [0.03, 0.3] },
-        y: Axis::around("grain, Lab", rows.iter().flat_map(|row| row.grain)),
-        panels: names(rows, |row| row.plate).into_iter().map(panel).collect(),
+        y: Axis::around("grain, Lab", drawn.map(|point| point[1])),
+        panels,
     }
 }
 

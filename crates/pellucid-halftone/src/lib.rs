@@ -3,7 +3,7 @@
 //! A refinement thresholds fractions with a [`BlueNoiseMask`], which is local, parallel and the same for any order of
 //! work: [`Thresholds`] turns a mixture into cumulative shares and a voxel's threshold into a label.
 //! [`RankedNoise`] is a mask made in a moment, for training data.
-//! [`diffuse_errors`] is the classical serial alternative, to compare with.
+//! [`diffuse_errors`] is the classical serial alternative, to compare with, by the neighbours that a [`Spread`] names.
 #![forbid(unsafe_code)]
 
 mod diffusion;

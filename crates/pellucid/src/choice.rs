@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use pellucid_core::{Control, Domain, random};
-use pellucid_predict::{Changed, Draw, Object, Pass, PredictError, Predictor, predict_all};
+use pellucid_predict::{Changed, Draw, Object, Pass, Predictor, predict_all};
 use pellucid_refine::Refinement;
 use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
@@ -134,11 +134,10 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
     pub fn choose(&self, aimed: &Aimed, control: &Control<'_>) -> Result<Choice, PrintError> {
-        let network = match self.network_for(aimed) {
-            Err(PrintError::Unsupported(fault) | PrintError::Predict(PredictError::Unsupported(fault))) => {
-                return Ok(Choice::without_network(&fault.to_string()));
-            }
-            other => other?,
+        let settings = crate::PrintSettings { predictor: PredictorKind::Rpnn, ..self.settings().clone() };
+        let network = match predictors::fitting(&settings, &aimed.object, predictors::predictor)? {
+            Err(fault) => return Ok(Choice::without_network(&fault.to_string())),
+            Ok(network) => network,
         };
         let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };
         let candidates =
@@ -175,15 +174,6 @@ impl PrintJob {
             trials.push(Trial { predictor: *predictor, seconds, error });
         }
         Ok(Choice::of(trials))
-    }
-
-    /// The network as the settings have it, if it was trained for such an object.
-    fn network_for(&self, aimed: &Aimed) -> Result<Arc<dyn Predictor>, PrintError> {
-        let settings = crate::PrintSettings { predictor: PredictorKind::Rpnn, ..self.settings().clone() };
-        let network = predictors::predictor(&settings)?;
-        network.supports(&aimed.object)?;
-        predictors::check_range(&settings, aimed.object.materials())?;
-        Ok(network)
     }
 
     /// The halftone that refinement starts from, and the share of the surface whose colour is out of reach.

@@ -2,11 +2,8 @@
 
 use std::sync::Arc;
 
-#[cfg(feature = "rpnn")]
 use pellucid_core::Fault;
-#[cfg(feature = "rpnn")]
-use pellucid_predict::PredictError;
-use pellucid_predict::{MonteCarlo, Predictor, WithGradient};
+use pellucid_predict::{MonteCarlo, Object, PredictError, Predictor, WithGradient};
 use pellucid_voxel::MaterialTable;
 
 use crate::{GradientKind, PredictorKind, PrintError, PrintSettings, StrategyKind};
@@ -62,7 +59,7 @@ fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, Pri
 }
 
 #[cfg(not(feature = "rpnn"))]
-fn network(_: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
+pub(crate) fn network(_: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
     Err(no_network("this build has no network's gradient; build with the feature \"weights\""))
 }
 
@@ -76,9 +73,30 @@ pub(crate) fn network(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, Pr
     }
 }
 
+/// What `make` makes of the settings by means of the network, if that was trained for such an object; else why it does not
+/// fit.
+pub(crate) fn fitting(
+    settings: &PrintSettings,
+    object: &Object,
+    make: fn(&PrintSettings) -> Result<Arc<dyn Predictor>, PrintError>,
+) -> Result<Result<Arc<dyn Predictor>, Fault>, PrintError> {
+    let made = || {
+        let made = make(settings)?;
+        made.supports(object)?;
+        check_range(settings, object.materials())?;
+        Ok(made)
+    };
+    match made() {
+        Err(PrintError::Unsupported(fault) | PrintError::Predict(PredictError::Unsupported(fault))) => {
+            Ok(Err(fault))
+        }
+        other => other.map(Ok),
+    }
+}
+
 /// Tells whether the network was trained with coefficients as far apart as those of the materials.
 #[cfg(feature = "rpnn")]
-pub(crate) fn check_range(settings: &PrintSettings, materials: &MaterialTable) -> Result<(), PrintError> {
+fn check_range(settings: &PrintSettings, materials: &MaterialTable) -> Result<(), PrintError> {
     let network = on_own_kernels(settings)?;
     let trained = &network.trained().provenance;
     for material in materials.materials() {
@@ -99,7 +117,7 @@ pub(crate) fn check_range(settings: &PrintSettings, materials: &MaterialTable) -
 }
 
 #[cfg(not(feature = "rpnn"))]
-pub(crate) fn check_range(_: &PrintSettings, _: &MaterialTable) -> Result<(), PrintError> {
+fn check_range(_: &PrintSettings, _: &MaterialTable) -> Result<(), PrintError> {
     Err(no_network("this build has no network; build with the feature \"weights\""))
 }
 
@@ -157,5 +175,5 @@ fn on_own_kernels(settings: &PrintSettings) -> Result<pellucid_predict::Network,
 
 #[cfg(not(feature = "weights"))]
 fn no_network(reason: &str) -> PrintError {
-    PrintError::Unsupported(pellucid_core::Fault::new("predictor", reason))
+    PrintError::Unsupported(Fault::new("predictor", reason))
 }

@@ -1,23 +1,24 @@
-//! What `auto` says of its choice.
+//! What `auto` says of its choice, and where the network is left out.
 
-use pellucid::refine::Effort;
+mod common;
+
+use pellucid::mesh::{BaseColor, Model, Triangle, Vertex};
 use pellucid::slice::PrintTarget;
 use pellucid::voxel::{Frame, LabelGrid, MaterialTable};
 use pellucid::{Choice, Monitor, PredictorKind, PrintJob, PrintSettings, StrategyKind, Workspace};
 
+use common::quick;
+
 fn settings() -> PrintSettings {
-    let mut settings = PrintSettings {
-        predictor: PredictorKind::Auto,
-        strategy: StrategyKind::SurfaceFirst,
-        spp: Some(4),
-        judge: Effort { points: 50, point_passes: 2, surface_passes: 2 },
-        judge_spp: 2,
-        judge_point_spp: 16,
-        proof_edge: 32,
-        ..PrintSettings::default()
-    };
-    settings.refine.iterations = Some(1);
-    settings
+    PrintSettings { predictor: PredictorKind::Auto, strategy: StrategyKind::SurfaceFirst, ..quick() }
+}
+
+/// Materials whose black absorbs more than the network was trained with.
+fn strong() -> MaterialTable {
+    let table = MaterialTable::cmykw();
+    let mut materials = table.materials().to_vec();
+    materials[3].sigma_a[1] = 400.0;
+    MaterialTable::over(table.spectrum().clone(), materials).unwrap()
 }
 
 /// The choice that the report of a small print holds.
@@ -53,11 +54,20 @@ fn paths_are_taken_where_the_network_was_not_trained() {
     let fine = |s: &mut PrintSettings| s.printer = PrintTarget::by_name("j750-high-quality-vivid").unwrap();
     says(&fine, &["pitch", "0.014", "trained for"]);
     says(&|s| s.refractive_index = 1.3, &["refractive index", "1.3", "1.5"]);
-    let strong = |s: &mut PrintSettings| {
-        let table = MaterialTable::cmykw();
-        let mut materials = table.materials().to_vec();
-        materials[3].sigma_a[1] = 400.0;
-        s.materials = MaterialTable::over(table.spectrum().clone(), materials).unwrap();
+    says(&|s| s.materials = strong(), &["absorption of \"black\"", "400 per mm", "145.3"]);
+}
+
+#[test]
+fn a_preview_takes_the_network_only_where_it_was_trained() {
+    let corner = |position_m: [f64; 3]| Vertex { position_m, uv: [0.0; 2], color: [1.0; 4] };
+    let vertices = [[0.0; 3], [1e-3, 0.0, 0.0], [0.0, 0.0, 1e-3]].map(corner).to_vec();
+    let triangle = Triangle { vertices: [0, 1, 2], material: 0 };
+    let grey = BaseColor { name: String::new(), factor: [0.4; 4], texture: None, double_sided: true };
+    let model = Model::new("sheet", vertices, vec![triangle], vec![grey], Vec::new()).unwrap();
+    let predictor = |materials: MaterialTable| {
+        let job = PrintJob::new(PrintSettings { materials, ..quick() }).unwrap();
+        job.preview(&model, |_, _| Ok(()), &Monitor::silent()).unwrap().record.predictor.name
     };
-    says(&strong, &["absorption of \"black\"", "400 per mm", "145.3"]);
+    assert_eq!(predictor(MaterialTable::cmykw()), "rpnn");
+    assert_eq!(predictor(strong()), "mc");
 }

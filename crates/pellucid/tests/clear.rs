@@ -1,27 +1,19 @@
 //! See-through parts in clear resin: the whole job, on small models.
 
+mod common;
+
 use pellucid::core::Control;
 use pellucid::job::ProofFiles;
 use pellucid::mesh::opacity::HALF;
 use pellucid::mesh::{BaseColor, Image, Model, Opacity, Sampler, Texture, Triangle, Vertex, Wrap};
-use pellucid::refine::Effort;
 use pellucid::slice::{PrintTarget, read_stack};
 use pellucid::voxel::{AIR, LabelGrid};
 use pellucid::{Monitor, Prepared, PrintError, PrintJob, PrintSettings, StrategyKind, Workspace};
 
+use common::quick;
+
 fn settings() -> PrintSettings {
-    let mut settings = PrintSettings {
-        clear_from_alpha: true,
-        spp: Some(4),
-        judge: Effort { points: 100, point_passes: 2, surface_passes: 2 },
-        judge_spp: 2,
-        judge_point_spp: 16,
-        proof_edge: 32,
-        ..PrintSettings::default()
-    };
-    settings.refine.iterations = Some(2);
-    settings.descent.opening_steps = 1;
-    settings
+    PrintSettings { clear_from_alpha: true, ..quick() }
 }
 
 /// Boxes from corner to corner in mm, each of a colour with an alpha; a texture of opacities lies on their x and z.

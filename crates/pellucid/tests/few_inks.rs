@@ -1,31 +1,26 @@
 //! Printers that take fewer materials than cyan, magenta, yellow, black and white: the whole job, on a small block.
 
+mod common;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use pellucid::core::Control;
-use pellucid::refine::Effort;
 use pellucid::slice::{PrintTarget, read_stack};
 use pellucid::stage::{Observer, Stage};
 use pellucid::voxel::{Frame, LabelGrid, MaterialTable};
 use pellucid::{Monitor, PrintError, PrintJob, PrintSettings, StrategyKind, Workspace};
 
+use common::quick;
+
 fn settings(printer: &str, inks: &[&str], strategy: StrategyKind) -> PrintSettings {
     let all = MaterialTable::cmykw();
     let chosen = inks.iter().map(|name| all.get(all.label_of(name).unwrap()).unwrap().clone()).collect();
-    let mut settings = PrintSettings {
+    PrintSettings {
         printer: PrintTarget::by_name(printer).unwrap(),
         materials: MaterialTable::new(all.channel_names().to_vec(), chosen).unwrap(),
         strategy,
-        spp: Some(4),
-        judge: Effort { points: 100, point_passes: 2, surface_passes: 2 },
-        judge_spp: 2,
-        judge_point_spp: 16,
-        proof_edge: 32,
-        ..PrintSettings::default()
-    };
-    settings.refine.iterations = Some(2);
-    settings.descent.opening_steps = 1;
-    settings
+        ..quick()
+    }
 }
 
 #[test]

@@ -104,15 +104,12 @@ impl ProofPage {
         size: PageSize,
         control: &Control<'_>,
     ) -> Result<Self, ProofError> {
-        control.report(0, 3);
-        let page = Self::of_surface(labels, surface, fields, size, &control.silent())?;
-        control.report(2, 3);
-        let slices = PackedSlices::pack(labels, highest_y_first, size.most_slice_bytes, &control.silent())?;
-        control.report(3, 3);
-        Ok(Self { slices: Some(slices), ..page })
+        let page = Self::of_surface(labels, surface, fields, size, control)?;
+        page.with_slices(labels, highest_y_first, size, &control.silent())
     }
 
-    /// The same with the slices of other labels in the surface's frame, such as those with the clear resin around it.
+    /// The same with the slices of labels in the surface's frame: those that it was made of, or those with the clear resin
+    /// around it.
     ///
     /// # Errors
     /// [`ProofError::Cancelled`].

@@ -71,7 +71,7 @@ impl PrintJob {
         viewing: &Viewing,
         control: &Control<'_>,
     ) -> Result<Appearance, PrintError> {
-        let Some(network) = self.fitting_network(object) else {
+        let Ok(network) = predictors::fitting(&self.settings, object, predictors::network)? else {
             return self.appearance_by_paths(labels, object, viewing, control);
         };
         let mut bound = network.bind(Arc::clone(object))?;
@@ -79,18 +79,6 @@ impl PrintJob {
         let colors = self.seen(&*bound, object, viewing, Pass::Proof, control)?;
         let picture = self.picture_error(&colors, labels, object, viewing, &control.silent())?;
         Ok(Appearance { colors, picture, predictor: network.identity() })
-    }
-
-    /// The network, if it can predict the object.
-    #[cfg(feature = "rpnn")]
-    fn fitting_network(&self, object: &Object) -> Option<Arc<dyn Predictor>> {
-        let network = predictors::network(&self.settings).ok()?;
-        network.supports(object).is_ok().then_some(network)
-    }
-
-    #[cfg(not(feature = "rpnn"))]
-    fn fitting_network(&self, _: &Object) -> Option<Arc<dyn Predictor>> {
-        None
     }
 
     /// Every surface voxel as one prediction has it.

@@ -1,11 +1,10 @@
 //! The pages of prepared prints, slices and previews.
 
-use std::borrow::Cow;
-
 use pellucid_core::Control;
 use pellucid_proof::ERROR_SCALE;
 use pellucid_proof::page::{FieldValues, PageField, PageSize, ProofPage};
 use pellucid_slice::RowOrder;
+use pellucid_voxel::{LabelGrid, Surface};
 
 use crate::job::{FurtherAim, LightLook, Preview, SlicesProof};
 use crate::{Prepared, PrintError};
@@ -38,11 +37,7 @@ pub(super) fn page_of(prepared: &Prepared, control: &Control<'_>) -> Result<Proo
     }
     let highest_first = prepared.record.settings.printer.row_order() == RowOrder::HighestYFirst;
     let (labels, surface) = (&prepared.refined.labels, aimed.object.surface());
-    let page = ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?;
-    match aimed.with_clear(labels) {
-        Cow::Owned(printed) => Ok(page.with_slices(&printed, highest_first, PageSize::default(), control)?),
-        Cow::Borrowed(_) => Ok(page),
-    }
+    packed(labels, &aimed.with_clear(labels), surface, &fields, highest_first, control)
 }
 
 /// Packs a proof from slices: what they look like, and thickness.
@@ -53,12 +48,21 @@ pub(super) fn page_of_slices(proof: &SlicesProof, control: &Control<'_>) -> Resu
         thickness(&proof.thickness_mm),
     ];
     let highest_first = proof.manifest.row_order == RowOrder::HighestYFirst;
-    let (labels, surface) = (proof.opaque(), proof.object.surface());
-    let page = ProofPage::new(labels, surface, &fields, highest_first, PageSize::default(), control)?;
-    match proof.has_clear() {
-        true => Ok(page.with_slices(&proof.labels, highest_first, PageSize::default(), control)?),
-        false => Ok(page),
-    }
+    packed(proof.opaque(), &proof.labels, proof.object.surface(), &fields, highest_first, control)
+}
+
+/// A page of the labels that are seen, with the slices of those that are printed.
+fn packed(
+    seen: &LabelGrid,
+    printed: &LabelGrid,
+    surface: &Surface,
+    fields: &[PageField<'_>],
+    highest_first: bool,
+    control: &Control<'_>,
+) -> Result<ProofPage, PrintError> {
+    let size = PageSize::default();
+    let page = ProofPage::of_surface(seen, surface, fields, size, control)?;
+    Ok(page.with_slices(printed, highest_first, size, &control.silent())?)
 }
 
 /// Packs what is known before refinement: there are no slices to look at.

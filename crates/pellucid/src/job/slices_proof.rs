@@ -150,11 +150,6 @@ impl SlicesProof {
         self.opaque.as_ref().unwrap_or(&self.labels)
     }
 
-    #[cfg(feature = "html")]
-    pub(super) fn has_clear(&self) -> bool {
-        self.opaque.is_some()
-    }
-
     /// The report, with the times that `monitor` has seen.
     pub fn report(&self, monitor: &Monitor<'_>) -> SlicesReport {
         let surface = self.object.surface();
