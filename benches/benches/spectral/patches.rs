@@ -1,16 +1,17 @@
 //! Spectra of six patches of a print, as predicted and as many paths have them (Rittig et al. 2021, Figure 13).
 
-use pellucid::color::delta_e_2000;
 use pellucid::color::space::{Lab, Lch};
+use pellucid::color::{Viewing, delta_e_2000};
 use pellucid::job::Aimed;
-use pellucid::predict::{Changed, Draw, MonteCarlo, Network, Pass, Predictor};
-use pellucid::voxel::{Control, LabelGrid};
+use pellucid::predict::{BoundPredictor, Changed, Draw, MonteCarlo, Network, Pass, Predictor};
+use pellucid::refine::SurfaceSmoother;
+use pellucid::voxel::Control;
 
 use super::prediction::viewings;
 use super::{Error, Subject, halftone, table};
 
-/// Radius of a patch in mm.
-const RADIUS_MM: f64 = 0.3;
+/// Radius of a patch in mm, and deviation of the Gaussian that targets are smoothed by to find one of an even colour.
+const RADIUS_MM: f64 = 0.15;
 /// Paths a point and band of the comparison.
 const PATHS: u32 = 512;
 
@@ -56,20 +57,25 @@ pub fn patches(subject: &Subject) -> Result<Vec<Patch>, Error> {
         .iter()
         .filter_map(|name| name.strip_suffix(" nm").and_then(|n| n.parse().ok()))
         .collect();
+    let smoother = SurfaceSmoother::new(object.surface(), RADIUS_MM, &control)?;
+    let smooth = smoother.smooth(aimed.printable_target.clone(), &control)?;
+    let bound = |predictor: &dyn Predictor| -> Result<Box<dyn BoundPredictor>, Error> {
+        let mut bound = predictor.bind(object.clone())?;
+        bound.update(&labels, Changed::Unknown, &control)?;
+        Ok(bound)
+    };
+    let (by_paths, by_network) = (bound(&MonteCarlo::new(PATHS)?)?, bound(&Network::shipped()?)?);
     let mut found = Vec::new();
     for (name, merit) in WANTED {
-        let points = about(&aimed, merit);
-        let mean = |predictor: &dyn Predictor, labels: &LabelGrid| -> Result<Vec<f64>, Error> {
-            let mut bound = predictor.bind(object.clone())?;
-            bound.update(labels, Changed::Unknown, &control)?;
+        let points = about(&aimed, &smooth, merit);
+        let mean = |bound: &dyn BoundPredictor| -> Result<Vec<f64>, Error> {
             let mut out = vec![0.0; points.len() * channels];
             bound.predict(&points, Draw::new(11, Pass::Trial), &mut out, &control)?;
             let sum = |c: usize| out[c..].iter().step_by(channels).map(|&v| f64::from(v)).sum::<f64>();
             Ok((0..channels).map(|c| sum(c) / points.len() as f64).collect())
         };
-        let paths = mean(&MonteCarlo::new(PATHS)?, &labels)?;
-        let network = mean(&Network::shipped()?, &labels)?;
-        let lab = |viewing: &pellucid::color::Viewing, spectrum: &[f64]| {
+        let (paths, network) = (mean(&*by_paths)?, mean(&*by_network)?);
+        let lab = |viewing: &Viewing, spectrum: &[f64]| {
             let radiance: Vec<f32> = spectrum.iter().map(|&v| v as f32).collect();
             Lab::from_linear_rgb(viewing.relative_rgb(&radiance).map(f64::from))
         };
@@ -79,11 +85,10 @@ pub fn patches(subject: &Subject) -> Result<Vec<Patch>, Error> {
     Ok(found)
 }
 
-/// Surface voxels about the one whose printable target has the most merit.
-fn about(aimed: &Aimed, merit: Merit) -> Vec<u32> {
+/// Surface voxels about the one whose smoothed target has the most merit.
+fn about(aimed: &Aimed, targets: &[[f32; 3]], merit: Merit) -> Vec<u32> {
     let surface = aimed.object.surface();
     let value = |rgb: &[f32; 3]| merit(Lab::from_linear_rgb(rgb.map(f64::from)).to_lch());
-    let targets = &aimed.printable_target;
     let best = (0..targets.len()).max_by(|&a, &b| value(&targets[a]).total_cmp(&value(&targets[b])));
     let middle = surface.position_mm(best.unwrap_or(0) as u32);
     let near = |point: &u32| {

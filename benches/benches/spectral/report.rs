@@ -40,7 +40,7 @@ impl Found {
             text += &self.band_table().markdown();
         }
         if !self.patches.is_empty() {
-            text += "\n## Patches\n\nMean spectra over 0.3 mm about six surface voxels of the unrefined jug, by the network and by \
+            text += "\n## Patches\n\nMean spectra within 0.15 mm of six surface voxels of the unrefined jug, named by their target's colour, by the network and by \
                      512 paths: root mean square difference over bands, and dE2000 under each light.\n\n";
             text += &self.patch_table().markdown();
             text += "\n![Spectra of patches](patches.svg)\n";
