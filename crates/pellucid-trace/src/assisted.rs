@@ -33,6 +33,36 @@ impl Default for AssistOptions {
     }
 }
 
+/// Noisy values of points, `[point][value]`: radiances or anything linear in them, such as colours.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimates<'a> {
+    /// The channel whose coefficients explain each value.
+    pub features_of: &'a [usize],
+    /// Two independent halves of the paths.
+    pub halves: [&'a [f32]; 2],
+    /// What the values are without noise but for an error that is smooth or depends on the material below, as a network's
+    /// does; only that error is then sought among the noise.
+    pub guess: Option<&'a [f32]>,
+}
+
+impl Estimates<'_> {
+    fn check(&self, points: usize, channels: usize, out: usize) -> Result<(), TraceError> {
+        let per_point = self.features_of.len();
+        let lengths = self.halves.iter().chain(&self.guess).map(|values| values.len());
+        if out != points * per_point || lengths.clone().any(|length| length != out) {
+            let lengths: Vec<usize> = lengths.collect();
+            return Err(TraceError::invalid(
+                "values",
+                format!("{lengths:?} for {points} points of {per_point}"),
+            ));
+        }
+        match self.features_of.iter().find(|&&c| c >= channels) {
+            None => Ok(()),
+            Some(c) => Err(TraceError::invalid("features_of", format!("{c}; there are {channels} channels"))),
+        }
+    }
+}
+
 impl AssistOptions {
     fn check(&self) -> Result<(), TraceError> {
         let in_range = (0.1..=100.0).contains(&self.patch_mm) && self.ridge > 0.0;
@@ -74,15 +104,14 @@ impl Tracer<'_> {
             (tally.mean(spp), tally.cautious_variance(spp) / f64::from(spp))
         };
         let features_of: Vec<usize> = (0..channels).collect();
-        self.regress(points, &features_of, own, &[0.0], options, radiance, control)?;
-        radiance.iter_mut().for_each(|l| *l = l.min(1.0));
+        let plan = Regression { features_of: &features_of, lattices: &[0.0], shrunk: false, options };
+        self.regress(points, own, &plan, radiance, control)?;
+        radiance.iter_mut().for_each(|l| *l = l.clamp(0.0, 1.0));
         Ok(())
     }
 
-    /// Takes most of the noise out of values of few paths that are already there, `[point][value]`, given by two
-    /// independent halves: as [`Tracer::radiance_assisted`], but nothing is traced. The values are radiances or
-    /// anything linear in them, such as colours; `features_of[k]` is the channel whose coefficients explain value k.
-    /// **Biased**: for pictures, not for figures.
+    /// Takes most of the noise out of values of few paths that are already there: as [`Tracer::radiance_assisted`], but
+    /// nothing is traced. **Biased**: for pictures, not for figures.
     ///
     /// # Errors
     /// [`TraceError::Invalid`] for options out of range, a point or channel that does not exist, or lengths that do not
@@ -90,70 +119,55 @@ impl Tracer<'_> {
     pub fn assist(
         &self,
         points: &[u32],
-        features_of: &[usize],
-        halves: [&[f32]; 2],
+        estimates: &Estimates<'_>,
         options: &AssistOptions,
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
         options.check()?;
-        let (per_point, channels) = (features_of.len(), self.channels());
-        if halves.iter().any(|half| half.len() != out.len()) || out.len() != points.len() * per_point {
-            return Err(TraceError::invalid(
-                "values",
-                format!(
-                    "{} and {} for {} points of {per_point}",
-                    halves[0].len(),
-                    halves[1].len(),
-                    points.len()
-                ),
-            ));
-        }
-        if features_of.iter().any(|&c| c >= channels) {
-            return Err(TraceError::invalid(
-                "features_of",
-                format!("{features_of:?}; there are {channels} channels"),
-            ));
-        }
+        let Estimates { features_of, halves, guess } = *estimates;
+        estimates.check(points.len(), self.channels(), out.len())?;
         if let Some(p) = points.iter().find(|&&p| p as usize >= self.volume.len()) {
             return Err(TraceError::invalid("points", format!("{p}; there are {}", self.volume.len())));
         }
         let own = |i: usize, k: usize| {
-            let [a, b] = halves.map(|half| f64::from(half[i * per_point + k]));
-            (0.5 * (a + b), (0.5 * (a - b)).powi(2))
+            let at = i * features_of.len() + k;
+            let [a, b] = halves.map(|half| f64::from(half[at]));
+            (0.5 * (a + b) - guess.map_or(0.0, |guess| f64::from(guess[at])), (0.5 * (a - b)).powi(2))
         };
-        self.regress(points, features_of, own, &[0.0, 0.5], options, out, control)
+        let plan = Regression { features_of, lattices: &[0.0, 0.5], shrunk: guess.is_some(), options };
+        self.regress(points, own, &plan, out, control)?;
+        let guesses = guess.unwrap_or_default().iter().copied().chain(std::iter::repeat(0.0));
+        out.iter_mut().zip(guesses).for_each(|(value, guess)| *value = (*value + guess).max(0.0));
+        Ok(())
     }
 
     /// Mixes every value, of which `own` gives mean and variance by position in `points` and in `features_of`, with the
-    /// regression over its patch; over several `lattices` of patches, offset by that share of a patch, the results are
-    /// blended by the distance from their patches' borders, which then do not show.
+    /// regression over its patch.
     fn regress(
         &self,
         points: &[u32],
-        features_of: &[usize],
         own: impl Fn(usize, usize) -> (f64, f64) + Sync,
-        lattices: &[f64],
-        options: &AssistOptions,
+        plan: &Regression<'_>,
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<(), TraceError> {
-        let per_point = features_of.len();
+        let (per_point, patch_mm) = (plan.features_of.len(), plan.options.patch_mm);
         let mut sums = vec![0.0f32; out.len()];
         let mut weights = vec![0.0f32; points.len()];
-        for &lattice in lattices {
-            let patches = self.patches(points, options.patch_mm, lattice);
+        for &lattice in plan.lattices {
+            let patches = self.patches(points, patch_mm, lattice);
             let fitted = patches
                 .par_iter()
                 .map(|members| {
                     control.check()?;
-                    Ok(self.fit(points, members, features_of, &own, options.ridge))
+                    Ok(self.fit(points, members, &own, plan))
                 })
                 .collect::<Result<Vec<Vec<f32>>, TraceError>>()?;
             for (members, values) in patches.iter().zip(&fitted) {
                 for (&i, values) in members.iter().zip(values.chunks_exact(per_point)) {
                     let i = i as usize;
-                    let weight = self.inwardness(points[i], options.patch_mm, lattice);
+                    let weight = self.inwardness(points[i], patch_mm, lattice);
                     weights[i] += weight;
                     let sums = sums[i * per_point..].iter_mut();
                     sums.zip(values).for_each(|(sum, value)| *sum += weight * value);
@@ -173,19 +187,18 @@ impl Tracer<'_> {
         &self,
         points: &[u32],
         members: &[u32],
-        features_of: &[usize],
         own: &(impl Fn(usize, usize) -> (f64, f64) + Sync),
-        penalty: f64,
+        plan: &Regression<'_>,
     ) -> Vec<f32> {
-        let per_point = features_of.len();
+        let per_point = plan.features_of.len();
         let below: Vec<Composition> =
             members.iter().map(|&i| Composition::of(self.volume, points[i as usize])).collect();
         let mut values = vec![0.0f32; members.len() * per_point];
         let mut rows = vec![[0.0; FEATURES]; members.len()];
-        for (k, &channel) in features_of.iter().enumerate() {
+        for (k, &channel) in plan.features_of.iter().enumerate() {
             rows.iter_mut().zip(&below).for_each(|(row, b)| b.features(self.optics(channel), row));
             let own: Vec<(f64, f64)> = members.iter().map(|&i| own(i as usize, k)).collect();
-            let mixed = mixed(&rows, &own, penalty);
+            let mixed = mixed(&rows, &own, plan);
             values[k..].iter_mut().step_by(per_point).zip(mixed).for_each(|(value, mixed)| *value = mixed);
         }
         values
@@ -215,18 +228,35 @@ impl Tracer<'_> {
     }
 }
 
+/// What is regressed, and how.
+struct Regression<'a> {
+    features_of: &'a [usize],
+    /// Lattices of patches, offset by that share of a patch: their results are blended by the distance from their patches'
+    /// borders, which then do not show.
+    lattices: &'a [f64],
+    /// The values may well be nothing but noise.
+    shrunk: bool,
+    options: &'a AssistOptions,
+}
+
 /// The regression's prediction and each point's own mean, weighted by what the residuals say of
 /// either's error.
-fn mixed(rows: &[[f64; FEATURES]], own: &[(f64, f64)], penalty: f64) -> Vec<f32> {
+fn mixed(rows: &[[f64; FEATURES]], own: &[(f64, f64)], plan: &Regression<'_>) -> Vec<f32> {
     let n = own.len() as f64;
     let values: Vec<f64> = own.iter().map(|(mean, _)| *mean).collect();
     let noise = own.iter().map(|(_, variance)| variance).sum::<f64>() / n;
-    let fit = ridge(rows, &values, penalty);
+    let mut fit = ridge(rows, &values, plan.options.ridge);
+    if plan.shrunk {
+        // By how much less than what is found noise alone would have made appear (James and Stein 1961).
+        let found = fit.iter().map(|f| f * f).sum::<f64>() / n;
+        let kept = (1.0 - noise * FEATURES as f64 / n / found.max(1e-12)).max(0.0);
+        fit.iter_mut().for_each(|f| *f *= kept);
+    }
     let freedom = (1.0 - FEATURES as f64 / n).max(0.1);
     let residual = fit.iter().zip(&values).map(|(f, v)| (f - v).powi(2)).sum::<f64>() / n / freedom;
     let misfit = (residual - noise).max(0.0);
     let share = misfit / (misfit + noise).max(1e-12);
-    fit.iter().zip(&values).map(|(f, v)| (f + share * (v - f)).max(0.0) as f32).collect()
+    fit.iter().zip(&values).map(|(f, v)| (f + share * (v - f)) as f32).collect()
 }
 
 /// Fitted values of a ridge regression; the last feature, a constant, is not penalised.

@@ -54,7 +54,7 @@ pub mod walk;
 pub use adaptive::ErrorTarget;
 pub use adjoint::{AdjointOptions, Derivatives};
 pub use analytic::{AnalyticScene, Estimate, Medium, Shape};
-pub use assisted::AssistOptions;
+pub use assisted::{AssistOptions, Estimates};
 pub use error::TraceError;
 pub use fresnel::internal_reflectance;
 pub use options::{Boundary, RefractiveIndex, TraceOptions, Tracking};

@@ -1,7 +1,7 @@
 //! The fourth artefact: what fresh paths say of the labels before and after, and what they look like.
 
 use pellucid_core::Control;
-use pellucid_predict::{Changed, Draw, Pass, Predictor, predict_all, without_noise};
+use pellucid_predict::{Changed, Draw, Pass, Predictor, predict_all};
 use pellucid_proof::{Proof, View};
 use pellucid_refine::{Aim, Evaluation, Judge, JudgeInput, Judged as Judgement, Viewed};
 use pellucid_voxel::LabelGrid;
@@ -151,8 +151,7 @@ impl PrintJob {
         };
         // For the eye only: the stated errors are of the paths themselves.
         let pictured = |labels: &LabelGrid, judgement: &Judgement| {
-            let halves = judgement.shown.each_ref().map(Vec::as_slice);
-            without_noise(&aimed.object, labels, aimed.viewing.leading_channels(), halves, &silent)
+            self.for_the_eye(labels, &aimed.object, &aimed.viewing, &judgement.shown, &silent)
         };
         let appearance = [pictured(&refined.unrefined, &before)?, pictured(&refined.labels, &after)?];
         let picture = PictureError::of(&appearance[1], &after.points, &after.halves, &aimed.viewing);

@@ -80,8 +80,8 @@ fn own_files() -> OwnFiles {
 
 impl PrintJob {
     /// Predicts what labels look like when they are printed in the job's materials, whatever made them, by
-    /// [`PrintSettings::judge_spp`] paths twice, whose noise is then taken out. A material `clear` is looked through, as
-    /// air is.
+    /// [`PrintSettings::judge_spp`] paths twice, whose noise is then taken out, with the network's help where it was trained
+    /// for such prints. A material `clear` is looked through, as air is.
     ///
     /// ```
     /// use pellucid::slice::{ExportSettings, check};
