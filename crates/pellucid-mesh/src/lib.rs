@@ -6,6 +6,7 @@
 //! | [`model`] | the imported mesh: vertices, triangles, base colours |
 //! | [`opacity`] | where a model is see-through |
 //! | [`texture`] | linear-light texture look-up with wrap modes and mip chain |
+//! | [`spectral_image`] | textures of reflectances by wavelength |
 //! | [`placement`] | how large a model is printed, and where it lies in print space |
 //! | [`placed`] | a model in print space, its mesh analysed once for what follows |
 //! | [`mesh_report`] | what is wrong with a mesh: [`MeshReport`] |
@@ -41,6 +42,7 @@ pub mod placement;
 #[cfg(test)]
 mod shapes;
 mod shell;
+pub mod spectral_image;
 pub mod target;
 pub mod texture;
 pub mod thickness;
@@ -57,6 +59,7 @@ pub use model::{BaseColor, Model, Note, Triangle, Vertex};
 pub use opacity::Opacity;
 pub use placed::PlacedMesh;
 pub use placement::{Placement, Scale};
+pub use spectral_image::SpectralImage;
 pub use target::surface_colors;
 pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
 pub use thickness::{ThicknessReport, ThinRegion};

@@ -238,11 +238,22 @@ impl Model {
         barycentric: [f64; 3],
         footprint_m: f64,
     ) -> [f32; 3] {
+        self.texel_of(&self.textures[texture as usize], triangle, barycentric, footprint_m)
+    }
+
+    /// The same of a texture that need not be the model's.
+    pub(crate) fn texel_of(
+        &self,
+        texture: &Texture,
+        triangle: u32,
+        barycentric: [f64; 3],
+        footprint_m: f64,
+    ) -> [f32; 3] {
         let corners = self.triangles[triangle as usize].vertices.map(|v| &self.vertices[v as usize]);
         let uv =
             [0, 1].map(|i| (0..3).map(|k| barycentric[k] * f64::from(corners[k].uv[i])).sum::<f64>() as f32);
         let axes = footprint_axes(corners, footprint_m);
-        self.textures[texture as usize].sample_anisotropic(uv, axes)
+        texture.sample_anisotropic(uv, axes)
     }
 
     /// Texels of a texture along the edge of a triangle that has most.

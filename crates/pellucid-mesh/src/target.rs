@@ -66,7 +66,7 @@ impl PlacedMesh<'_> {
 
     /// What `look` says of the place on the mesh that each surface voxel shows: triangle, barycentric weights, and how
     /// wide a patch of the mesh that is in metres.
-    fn looks<T: Copy + Default + Send>(
+    pub(crate) fn looks<T: Copy + Default + Send>(
         &self,
         surface: &Surface,
         clear: impl Fn(u32, [f64; 3], f64) -> bool + Sync,

@@ -49,7 +49,7 @@ pub use error::VoxelError;
 pub use fresnel::internal_reflectance;
 pub use grid::{AIR, LabelGrid, TILE, TILE_VOXELS, Tile};
 pub use material::{Material, MaterialTable};
-pub use measured::{MeasuredSpectra, WIDEST_GAP_NM};
+pub use measured::{MeasuredSpectra, WIDEST_GAP_NM, band_weights};
 pub use nearest::NearestSurface;
 pub use order::{near_key, near_order};
 pub use pellucid_core::{Cancelled, Control, Progress};

@@ -42,18 +42,9 @@ impl MeasuredSpectra {
     /// of range or not as many; [`VoxelError::Unsupported`] as [`MaterialTable::new`].
     pub fn new(materials: Vec<(Vec<f64>, Material)>) -> Result<Self, VoxelError> {
         for (nm, material) in &materials {
-            let fault = |reason: &str| {
-                VoxelError::invalid(
-                    format!("material {:?}, wavelengths_nm", material.name),
-                    reason.to_owned(),
-                )
-            };
-            if nm.len() < 2 {
-                return Err(fault("fewer than 2; a spectrum needs more"));
-            }
-            if !nm.iter().all(|v| v.is_finite() && *v > 0.0) || nm.windows(2).any(|w| w[0] >= w[1]) {
-                return Err(fault("must ascend and be above 0"));
-            }
+            check_ascending(nm).map_err(|reason| {
+                VoxelError::invalid(format!("material {:?}, wavelengths_nm", material.name), reason)
+            })?;
             crate::material::check(nm.len(), std::slice::from_ref(material))?;
         }
         Ok(Self {
@@ -106,6 +97,58 @@ impl Measured {
         };
         let (sigma_s, sigma_a) = (resampled(&m.sigma_s), resampled(&m.sigma_a));
         Ok(Material { name: m.name.clone(), sigma_s, sigma_a, g })
+    }
+}
+
+/// What each of the ascending wavelengths `nm` adds to each band, `[band][wavelength]`, by the rule of
+/// [`MeasuredSpectra::to_bands`]: for spectra of anything.
+///
+/// ```
+/// use pellucid_voxel::{Channels, band_weights};
+/// let bands = Channels::Bands { start_nm: 400.0, step_nm: 10.0, count: 2 };
+/// assert_eq!(band_weights(&[390.0, 410.0], &bands, 25.0)?, [[0.5, 0.5], [0.0, 1.0]]);
+/// # Ok::<(), pellucid_voxel::VoxelError>(())
+/// ```
+///
+/// # Errors
+/// [`VoxelError::Invalid`] as [`MeasuredSpectra::new`] and [`MeasuredSpectra::to_bands`].
+pub fn band_weights(nm: &[f64], bands: &Channels, widest_gap_nm: f64) -> Result<Vec<Vec<f64>>, VoxelError> {
+    let Channels::Bands { step_nm, .. } = bands else {
+        return Err(VoxelError::invalid("bands", "are needed; R, G, B and names have no wavelengths"));
+    };
+    let (step, centres) = (step_nm.abs(), bands.clone().checked()?.wavelengths_nm().collect::<Vec<f64>>());
+    let checked = check_ascending(nm).and_then(|()| check_reach(nm, &centres, step, widest_gap_nm));
+    checked.map_err(|reason| VoxelError::invalid("wavelengths", reason))?;
+    let weight = |at: f64, j: usize| {
+        let mut unit = vec![0.0; nm.len()];
+        unit[j] = 1.0;
+        band(nm, &unit, at, step)
+    };
+    Ok(centres.iter().map(|&at| (0..nm.len()).map(|j| weight(at, j)).collect()).collect())
+}
+
+fn check_ascending(nm: &[f64]) -> Result<(), String> {
+    if nm.len() < 2 {
+        return Err("fewer than 2; a spectrum needs more".into());
+    }
+    if !nm.iter().all(|v| v.is_finite() && *v > 0.0) || nm.windows(2).any(|w| w[0] >= w[1]) {
+        return Err("must ascend and be above 0".into());
+    }
+    Ok(())
+}
+
+/// Whether wavelengths reach all bands, and lie close enough where bands are.
+fn check_reach(nm: &[f64], centres: &[f64], step: f64, widest_gap: f64) -> Result<(), String> {
+    let (low, high) = (nm[0], nm[nm.len() - 1]);
+    if let Some(missed) = centres.iter().find(|&&at| at < low - 0.5 * step || at > high + 0.5 * step) {
+        return Err(format!("{low} to {high} do not reach {missed} nm; measure farther"));
+    }
+    let used = |w: &[f64]| centres.iter().any(|&at| w[0] < at + 0.5 * step && at - 0.5 * step < w[1]);
+    match nm.windows(2).filter(|w| used(w)).find(|w| w[1] - w[0] > widest_gap) {
+        Some(gap) => {
+            Err(format!("a gap from {} to {}; at most {widest_gap} nm may lie between", gap[0], gap[1]))
+        }
+        None => Ok(()),
     }
 }
 
@@ -185,6 +228,22 @@ mod tests {
     }
 
     proptest! {
+        /// Weights say what values do.
+        #[test]
+        fn weights_add_up_to_the_bands(gaps in prop::collection::vec(0.5f64..24.0, 60), seed in 0u64..1000) {
+            let mut nm = vec![380.0];
+            gaps.iter().for_each(|g| nm.push(nm[nm.len() - 1] + g));
+            prop_assume!(nm[nm.len() - 1] > 720.0);
+            let values: Vec<f32> = (0..nm.len()).map(|i| ((i as u64 * 37 + seed) % 101) as f32).collect();
+            let weights = band_weights(&nm, &MeasuredSpectra::BANDS, WIDEST_GAP_NM).unwrap();
+            let found = bands(nm, values.clone(), &MeasuredSpectra::BANDS).unwrap();
+            for (row, v) in weights.iter().zip(found) {
+                let sum: f64 = row.iter().zip(&values).map(|(w, v)| w * f64::from(*v)).sum();
+                prop_assert!((sum - f64::from(v)).abs() < 1e-4, "{sum} {v}");
+                prop_assert!((row.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+            }
+        }
+
         /// Straight spectra are met whatever the wavelengths.
         #[test]
         fn straight_spectra_stay_straight(gaps in prop::collection::vec(0.5f64..24.0, 60), slope in 0.0f64..0.01) {
