@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use pellucid::core::staging;
 use pellucid::job::ProofFiles;
 use pellucid::mesh::export::MeshFormat;
+use pellucid::mesh::{ImportLimits, SpectralImage};
 use pellucid::predict::NetworkDevice;
 use pellucid::slice::Container;
 use pellucid::{
@@ -36,6 +37,10 @@ pub struct Args {
     /// What the slices are written as: png (a folder of them), gcvf, nrrd or npy; png without it
     #[arg(long, value_name = "FORMAT", value_parser = arguments::format)]
     format: Option<Container>,
+    /// OpenEXR file of reflectances by wavelength (channels T.550,000nm) on the texture's UV map, in place of the texture;
+    /// for materials by band
+    #[arg(long, value_name = "FILE")]
+    spectral_texture: Option<PathBuf>,
     /// Appearance predictor of the refinement; mc without it
     #[arg(long, value_enum)]
     predictor: Option<Predictor>,
@@ -111,8 +116,13 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
 
     let bars = Bars::new();
     let model = args.subject.import(job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
+    let spectral = spectral_image(args, earlier.as_ref())?;
     let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
-    let result = job.prepare(&model, &workspace, &monitor).and_then(|prepared| match args.output {
+    let prepared = match &spectral {
+        Some(image) => job.prepare_spectral(&model, image, &workspace, &monitor),
+        None => job.prepare(&model, &workspace, &monitor),
+    };
+    let result = prepared.and_then(|prepared| match args.output {
         Output::Slices => prepared.write_with(ProofFiles::built(), &args.out, args.force, &monitor),
         Output::Texture => {
             let own = model.read_as().map_or(MeshFormat::Glb, |read| MeshFormat::of(read.format));
@@ -129,8 +139,26 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The image of reflectances in place of the texture, if there is one.
+fn spectral_image(args: &Args, earlier: Option<&Record>) -> Result<Option<SpectralImage>, Failure> {
+    let read = |file: &PathBuf| SpectralImage::read_exr(file, &ImportLimits::default());
+    let image = args.spectral_texture.as_ref().map(read).transpose()?;
+    let digest = image.as_ref().map(|image| image.digest().hex());
+    if earlier.is_some_and(|earlier| earlier.model.spectral_image != digest) {
+        terminal::note(
+            "warning: the settings were recorded with another spectral texture; the slices will differ",
+        );
+    }
+    Ok(image)
+}
+
 /// Settings of the file, where there is one, under those of the arguments.
 fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
+    if args.spectral_texture.is_some() && args.output == Output::Texture {
+        return Err(Failure::message(
+            "--output texture moves a texture's colours; leave --spectral-texture out",
+        ));
+    }
     let (mut settings, earlier) = args.subject.settings()?;
     settings.format = args.format.unwrap_or(settings.format);
     if let Some(predictor) = args.predictor {

@@ -36,7 +36,7 @@
 //! | [`core`](mod@core) | progress, cancellation, error texts, whole files | always |
 //! | [`voxel`] | label grids, surfaces, distance maps, summed-area tables | always; `ndarray` for its arrays |
 //! | `halftone` | blue-noise masks | `refine` |
-//! | `mesh` | import (glTF; other formats by features) and voxelisation | `mesh`; `obj`, `ply`, `stl`, `3mf`, `webp`, `meshopt`, `icc` |
+//! | `mesh` | import (glTF; other formats by features) and voxelisation | `mesh`; `obj`, `ply`, `stl`, `3mf`, `webp`, `meshopt`, `icc`, `spectral` |
 //! | `color` | colour spaces, mixtures, gamuts, from radiance to colour | `color` |
 //! | `calibration` | charts to print, and files of what their measurements say | `calibration` |
 //! | `stencil` | the hierarchical descriptor that the network sees | `stencil` |

@@ -32,6 +32,9 @@ pub struct ModelRecord {
     pub name: String,
     /// Digest of its geometry and colours, in hexadecimal.
     pub digest: String,
+    /// Digest of the spectral image that took the texture's place, in hexadecimal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectral_image: Option<String>,
     /// What import left out or put right.
     #[serde(default)]
     pub notes: Vec<String>,
@@ -48,6 +51,7 @@ impl ModelRecord {
         Self {
             name: name.to_string_lossy().into_owned(),
             digest: model.digest().hex(),
+            spectral_image: None,
             notes: model.notes().iter().map(|n| format!("{}: {}", n.object, n.text)).collect(),
             read_as: model.read_as().copied(),
         }
@@ -63,7 +67,7 @@ impl ModelRecord {
             }
         }
         colors.iter().flatten().for_each(|v| digest.add(&v.to_le_bytes()));
-        Self { name: name.to_owned(), digest: digest.hex(), notes: Vec::new(), read_as: None }
+        Self { name: name.to_owned(), digest: digest.hex(), ..Self::default() }
     }
 }
 

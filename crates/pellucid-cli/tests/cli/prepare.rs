@@ -29,6 +29,7 @@ fn help_names_every_command_and_option() {
         "--format",
         "--materials",
         "--clear-from-alpha",
+        "--spectral-texture",
         "--refractive-index",
         "--predictor",
         "--weights",

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use pellucid_color::gamut::{DEFAULT_THICKNESSES_MM, ThicknessGamut};
 use pellucid_color::mixture::table::DEFAULT_NODES;
-use pellucid_color::plane_parallel::Solver;
 use pellucid_color::spectrum::Illuminant;
 use pellucid_color::upsampling::Upsampling;
 use pellucid_color::{Gamut, MatchOptions, MediaWhite, MixtureModel, Rendering, RenderingIntent, Viewing};
@@ -166,7 +165,7 @@ impl PrintJob {
         let (gamut_target, printable_target): (Vec<_>, Vec<_>) =
             reached.map(|[thick, own]| (thick, own)).unzip();
         control.check()?;
-        let further = self.further(&viewing, [&target, &printable_target], control)?;
+        let further = self.further(&viewing, [&target, &printable_target], placed.texture_under, control)?;
         let object = Object::new(placed.surface, self.inks.clone(), s.refractive_index)?;
         Ok(Aimed {
             model: placed.model,
@@ -188,25 +187,34 @@ impl PrintJob {
     }
 
     /// Targets as given and printable ones under further lights: those of the smooth reflectances that look like them in
-    /// `viewing`.
+    /// `viewing`; of a spectral image its own (`given`, by light), off which the printable ones are as far as those
+    /// reflectances say.
     fn further(
         &self,
         viewing: &Viewing,
         targets: [&[[f32; 3]]; 2],
+        given: Vec<Vec<[f32; 3]>>,
         control: &Control<'_>,
     ) -> Result<Vec<FurtherAim>, PrintError> {
         let s = &self.settings;
         if s.also_under.is_empty() {
             return Ok(Vec::new());
         }
-        let bands = self.inks.spectrum();
-        let white = self.inks.get(self.white).ok_or_else(|| PrintError::invalid("materials", "no white"))?;
-        let white = Solver::new(s.refractive_index)?.thick_block(white)?;
-        let upsampling = Upsampling::new(bands, viewing, &white)?;
-        let viewings = s.also_under.iter().map(|&light| Viewing::new(bands, light, &white));
-        let viewings: Vec<Viewing> = viewings.collect::<Result<_, _>>()?;
-        let [given, printable] = targets.map(|target| under_each(&upsampling, &viewings, target, control));
-        let each = s.also_under.iter().zip(viewings).zip(given?.into_iter().zip(printable?));
+        let white = self.white_radiance()?;
+        let upsampling = Upsampling::new(self.inks.spectrum(), viewing, &white)?;
+        let viewings: Vec<Viewing> = self.further_viewings(&white).collect::<Result<_, _>>()?;
+        let [mut smooth, mut printable] = {
+            let [smooth, printable] =
+                targets.map(|target| under_each(&upsampling, &viewings, target, control));
+            [smooth?, printable?]
+        };
+        for (given, (smooth, printable)) in given.into_iter().zip(smooth.iter_mut().zip(&mut printable)) {
+            for ((given, smooth), printable) in given.iter().zip(&*smooth).zip(printable) {
+                (0..3).for_each(|c| printable[c] += given[c] - smooth[c]);
+            }
+            *smooth = given;
+        }
+        let each = s.also_under.iter().zip(viewings).zip(smooth.into_iter().zip(printable));
         let aim = |((&illuminant, viewing), (target, printable_target))| FurtherAim {
             illuminant,
             viewing,

@@ -14,6 +14,7 @@ mod preview;
 mod proof_files;
 mod refined;
 mod slices_proof;
+mod spectral;
 mod textured;
 
 use std::path::Path;

@@ -6,6 +6,7 @@ use pellucid_slice::check_extent;
 use pellucid_voxel::{AIR, LabelGrid, NearestSurface, Surface, SurfaceOptions, local_thickness_mm};
 
 use crate::job::clear::{ClearParts, Split};
+use crate::job::spectral::SpectralColors;
 use crate::record::ModelRecord;
 use crate::report::Thinness;
 use crate::stage::Stage;
@@ -30,6 +31,10 @@ pub struct Placed {
     pub thickness_mm: Vec<f32>,
     /// Linear RGB of the texture at each surface voxel.
     pub texture: Vec<[f32; 3]>,
+    /// Of a spectral image in the texture's place: its colours under each of
+    /// [`PrintSettings::also_under`](crate::PrintSettings), relative to the print's white there; else none, and colours
+    /// under further lights are those of smooth reflectances.
+    pub texture_under: Vec<Vec<[f32; 3]>>,
     /// Size `[x, y, z]` in mm.
     pub extent_mm: [f64; 3],
     /// The model's mesh, where there was one.
@@ -45,6 +50,16 @@ impl PrintJob {
     /// At once [`PrintError::Unsupported`] when it is larger than the printer, and [`PrintError::Color`] when the materials
     /// make no mixtures; [`PrintError`] of the step that failed.
     pub fn place(&self, model: &Model, monitor: &Monitor<'_>) -> Result<Placed, PrintError> {
+        self.place_colored(model, None, monitor)
+    }
+
+    /// [`PrintJob::place`] with the colours of a spectral image, where there is one, in place of the texture's.
+    pub(super) fn place_colored(
+        &self,
+        model: &Model,
+        spectral: Option<&SpectralColors<'_>>,
+        monitor: &Monitor<'_>,
+    ) -> Result<Placed, PrintError> {
         let s = &self.settings;
         self.check_inks()?;
         let placement = Placement::new(model, s.scale)?;
@@ -65,23 +80,28 @@ impl PrintJob {
             Ok::<_, PrintError>((mesh, voxelised))
         })?;
         voxelised.report.warnings().iter().for_each(|warning| monitor.warn(warning));
-        let (shape, texture, clear) = match self.clear {
+        let (shape, colors, clear) = match self.clear {
             None => {
                 let shape = self.measure(voxelised.grid, monitor)?;
-                let texture = monitor.run(Stage::Texture, |c| mesh.surface_colors(&shape.surface, c))?;
-                (shape, texture, None)
+                let colors = monitor.run(Stage::Texture, |c| match spectral {
+                    Some(spectral) => spectral.of(&mesh, &shape.surface, c),
+                    None => Ok(vec![mesh.surface_colors(&shape.surface, c)?]),
+                })?;
+                (shape, colors, None)
             }
             Some(label) => {
                 let Split { opaque, clear, body } =
                     self.split(&mesh, &voxelised.grid, &options, label, monitor)?;
                 let shape = self.measure(opaque, monitor)?;
                 let texture = shape.surface.voxels().iter().map(|&voxel| body.color(voxel)).collect();
-                (shape, texture, Some(clear))
+                (shape, vec![texture], Some(clear))
             }
         };
+        let mut colors = colors.into_iter();
         Ok(Placed {
             model: ModelRecord::of(model),
-            texture,
+            texture: colors.next().unwrap_or_default(),
+            texture_under: colors.collect(),
             clear,
             extent_mm: voxelised.report.extent_mm,
             mesh: Some(voxelised.report),
@@ -157,6 +177,7 @@ impl PrintJob {
             nearest,
             thickness_mm,
             texture: Vec::new(),
+            texture_under: Vec::new(),
             clear: None,
             extent_mm: std::array::from_fn(|a| f64::from(size[a]) * mm[a]),
             mesh: None,
