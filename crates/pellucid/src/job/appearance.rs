@@ -38,6 +38,12 @@ pub(super) struct Appearance {
     pub predictor: Identity,
 }
 
+/// Labels as the network has them.
+struct ByNetwork {
+    colors: Vec<[f32; 3]>,
+    predictor: Identity,
+}
+
 impl PrintJob {
     /// By [`PrintSettings::judge_spp`](crate::PrintSettings::judge_spp) paths twice, whose noise is taken out.
     pub(super) fn appearance_by_paths(
@@ -72,7 +78,7 @@ impl PrintJob {
         control: &Control<'_>,
     ) -> Result<Vec<[f32; 3]>, PrintError> {
         let silent = control.silent();
-        let guess = self.by_network(labels, object, viewing, &silent)?.map(|(colors, _)| colors);
+        let guess = self.by_network(labels, object, viewing, &silent)?.map(|network| network.colors);
         let halves = halves.each_ref().map(Vec::as_slice);
         Ok(without_noise(object, labels, viewing.leading_channels(), halves, guess.as_deref(), &silent)?)
     }
@@ -86,7 +92,7 @@ impl PrintJob {
         viewing: &Viewing,
         control: &Control<'_>,
     ) -> Result<Appearance, PrintError> {
-        let Some((colors, predictor)) = self.by_network(labels, object, viewing, control)? else {
+        let Some(ByNetwork { colors, predictor }) = self.by_network(labels, object, viewing, control)? else {
             return self.appearance_by_paths(labels, object, viewing, control);
         };
         let picture = self.picture_error(&colors, labels, object, viewing, &control.silent())?;
@@ -100,14 +106,14 @@ impl PrintJob {
         object: &Arc<Object>,
         viewing: &Viewing,
         control: &Control<'_>,
-    ) -> Result<Option<(Vec<[f32; 3]>, Identity)>, PrintError> {
+    ) -> Result<Option<ByNetwork>, PrintError> {
         let Ok(network) = predictors::fitting(&self.settings, object, predictors::network)? else {
             return Ok(None);
         };
         let mut bound = network.bind(Arc::clone(object))?;
         bound.update(labels, Changed::Unknown, &control.silent())?;
         let colors = self.seen(&*bound, object, viewing, Pass::Proof, control)?;
-        Ok(Some((colors, network.identity())))
+        Ok(Some(ByNetwork { colors, predictor: network.identity() }))
     }
 
     /// Every surface voxel as one prediction has it.
