@@ -12,6 +12,9 @@ use rayon::prelude::*;
 
 use crate::{Image, MeshError, Model, PlacedMesh, Texture};
 
+/// Voxels that one task handles.
+const CHUNK: usize = 4096;
+
 /// An image of reflectances by wavelength that takes the place of a model's texture, on the same UV map. Kept in 16 bits a
 /// value.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,10 +145,14 @@ impl PlacedMesh<'_> {
             let texels = image.bands(bands.clone())?;
             let textures: Vec<Texture> =
                 samplers.iter().map(|&sampler| Texture::new(Arc::clone(&texels), sampler)).collect();
-            values.par_iter_mut().zip(&places).for_each(|(value, p)| {
-                let texture = &textures[model.triangles()[p.triangle as usize].material as usize];
-                *value = model.texel_of(texture, p.triangle, p.weights, p.footprint_m);
-            });
+            values.par_chunks_mut(CHUNK).zip(places.par_chunks(CHUNK)).try_for_each(|(values, places)| {
+                control.check()?;
+                for (value, p) in values.iter_mut().zip(places) {
+                    let texture = &textures[model.triangles()[p.triangle as usize].material as usize];
+                    *value = model.texel_of(texture, p.triangle, p.weights, p.footprint_m);
+                }
+                Ok::<(), MeshError>(())
+            })?;
             take(bands, &values);
         }
         Ok(())

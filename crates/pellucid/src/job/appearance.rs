@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use pellucid_color::{RenderingIntent, Viewing};
 use pellucid_core::Control;
-use pellucid_predict::{
-    BoundPredictor, Changed, Draw, Identity, Object, Pass, Predictor, predict_all, without_noise,
-};
+use pellucid_predict::{BoundPredictor, Changed, Draw, Identity, Object, Pass, Predictor, without_noise};
 use pellucid_voxel::LabelGrid;
 
 use crate::picture_error::PictureError;
@@ -27,6 +25,9 @@ pub(super) fn pictured<'a>(
         }
     }
 }
+
+/// Values that are predicted at a time: many bands of a large surface would take hundreds of bytes a voxel more.
+const PART_VALUES: usize = 1 << 20;
 
 /// Labels as they look.
 pub(super) struct Appearance {
@@ -125,8 +126,21 @@ impl PrintJob {
         pass: Pass,
         control: &Control<'_>,
     ) -> Result<Vec<[f32; 3]>, PrintError> {
-        let (radiance, _) = predict_all(bound, object, Draw::new(self.settings.seed, pass), control)?;
-        Ok(radiance.chunks_exact(object.channels()).map(|l| viewing.relative_rgb(l)).collect())
+        let (points, channels) = (object.points(), object.channels());
+        let mut colors = Vec::with_capacity(points.len());
+        let mut radiance = Vec::new();
+        for part in points.chunks((PART_VALUES / channels).max(1)) {
+            let (done, total) = (colors.len() as u64, points.len() as u64);
+            let progress = |in_part: u64, of: u64| {
+                control.report(done + part.len() as u64 * in_part.min(of) / of.max(1), total);
+            };
+            let control = control.silent().with_progress(&progress);
+            radiance.clear();
+            radiance.resize(part.len() * channels, 0.0);
+            bound.predict(part, Draw::new(self.settings.seed, pass), &mut radiance, &control)?;
+            colors.extend(radiance.chunks_exact(channels).map(|l| viewing.relative_rgb(l)));
+        }
+        Ok(colors)
     }
 
     /// Colours against [`PrintSettings::judge_point_spp`](crate::PrintSettings::judge_point_spp) paths twice at some
