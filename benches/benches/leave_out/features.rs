@@ -17,7 +17,10 @@ const NEEDS: [(&str, &str); 5] = [
     ("the network", "weights"),
     ("the whole job (default)", "job,obj,ply,stl"),
 ];
-const EVERYTHING: &str = "job,obj,ply,stl,3mf,webp,cases,gcvf,nrrd,npy,weights,candle,ndarray,training";
+const EVERYTHING: &str = concat!(
+    "calibration,obj,ply,stl,3mf,meshopt,webp,icc,spectral,cases,gcvf,nrrd,npy,html,glb,",
+    "weights,candle,ndarray,training"
+);
 
 pub fn savings(full: bool) -> Result<Vec<Saving>, Error> {
     let all = crates(EVERYTHING)?;
