@@ -17,9 +17,9 @@ use super::spread::Spread;
 use super::trained_range::TrainedRange;
 use crate::PredictError;
 
-/// Voxels whose stencils are in memory at a time, a thread: 7 MB in three channels, a third of it where they share
-/// coarse levels.
-const CHUNK: usize = 256;
+/// Stencils, of voxels and channels, that are in memory at a time, a thread: 7 MB, a third of it where they share coarse
+/// levels.
+const CHUNK: usize = 768;
 
 /// The network of one object, with what its threads work with.
 pub(super) struct Engine {
@@ -194,6 +194,11 @@ impl Engine {
         (places, weights)
     }
 
+    /// Voxels of a chunk.
+    fn chunk(&self) -> usize {
+        (CHUNK / self.coefficients.channels()).max(1)
+    }
+
     fn no_outputs(&self, voxels: usize) -> Outputs {
         Outputs::zeros(voxels, self.coefficients.channels(), self.head().outputs())
     }
@@ -221,7 +226,7 @@ impl Engine {
         let order = near_order(voxels);
         let parts = self.each_chunk(&order, control, compute)?;
         let mut all = self.no_outputs(voxels.len());
-        for (chunk, part) in order.chunks(CHUNK).zip(&parts) {
+        for (chunk, part) in order.chunks(self.chunk()).zip(&parts) {
             all.put(chunk, part, self.coefficients.channels());
         }
         Ok(all)
@@ -235,7 +240,7 @@ impl Engine {
         compute: impl Fn(&[u32], &mut Scratch) -> Result<T, PredictError> + Sync,
     ) -> Result<Vec<T>, PredictError> {
         let done = AtomicU64::new(0);
-        let each = order.par_chunks(CHUNK).map(|chunk| {
+        let each = order.par_chunks(self.chunk()).map(|chunk| {
             control.check()?;
             let mut scratch = self.take_scratch();
             let made = compute(chunk, &mut scratch)?;
