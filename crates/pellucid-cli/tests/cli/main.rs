@@ -6,5 +6,6 @@ mod common;
 mod prepare;
 mod preview;
 mod proof;
+mod readme;
 mod texture;
 mod training;
