@@ -1,5 +1,7 @@
 //! End-to-end tests of the workspace live in `tests/`; this library holds what they share.
 
+pub mod readers;
+
 use pellucid::mesh::{BaseColor, Model, Triangle, Vertex};
 use pellucid::voxel::{Channels, LabelGrid, Material, MaterialTable};
 

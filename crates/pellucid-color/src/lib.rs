@@ -46,3 +46,8 @@ pub use mixture::{Fractions, MixtureModel};
 pub use pellucid_core::ErrorStats;
 pub use space::{Lab, Lch, Oklab, Xyz};
 pub use viewing::Viewing;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

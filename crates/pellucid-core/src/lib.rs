@@ -35,3 +35,8 @@ pub use fault::{Fault, FileError, chain};
 pub use instruction_set::InstructionSet;
 pub use random::{Domain, stream};
 pub use stats::{ErrorStats, NoisyScore};
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

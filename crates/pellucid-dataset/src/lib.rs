@@ -52,3 +52,8 @@ pub use labels::{
 };
 pub use recipe::{Halftone, Neighbours, OtherInks, Pale, Recipe, ShapeClass, Split};
 pub use stream::{Prints, Stream, StreamOptions};
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -15,3 +15,8 @@ pub use diffusion::{Spread, diffuse_errors};
 pub use mask::BlueNoiseMask;
 pub use ranked_noise::RankedNoise;
 pub use thresholds::Thresholds;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

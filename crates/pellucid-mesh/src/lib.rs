@@ -64,3 +64,8 @@ pub use target::surface_colors;
 pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};
 pub use thickness::{ThicknessReport, ThinRegion};
 pub use voxelise::{VoxeliseOptions, Voxelised, voxelise};
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

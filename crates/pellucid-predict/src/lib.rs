@@ -136,3 +136,8 @@ pub use predictor::{
 };
 pub use sharing::Sharing;
 pub use with_gradient::WithGradient;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

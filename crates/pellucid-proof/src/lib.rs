@@ -65,3 +65,8 @@ pub use srgb_image::SrgbImage;
 pub use surface_mesh::SurfaceMesh;
 pub use view::View;
 pub use visibility::{EDGE_RANGE, Visibility};
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

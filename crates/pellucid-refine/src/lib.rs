@@ -99,3 +99,8 @@ pub use strategy::{Cell, LayerMixtures, Mixtures, Moved, Planned, Seen, Setup, S
 pub use surface_color::{SurfaceColor, SurfaceColorState};
 pub use surface_first::{SurfaceFirst, SurfaceFirstState};
 pub use viewed::Viewed;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

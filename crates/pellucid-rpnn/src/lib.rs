@@ -49,3 +49,8 @@ pub use precision::Precision;
 pub use shipped::{SHIPPED, shipped};
 pub use variant::Variant;
 pub use weights::Weights;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(all(doctest, feature = "weights"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

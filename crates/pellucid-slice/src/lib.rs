@@ -66,3 +66,8 @@ pub use manifest::{Manifest, ManifestMaterial};
 pub use read::read_stack;
 pub use recorded::Recorded;
 pub use target::{PrintTarget, RowOrder};
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

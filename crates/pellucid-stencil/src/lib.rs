@@ -44,3 +44,8 @@ pub use octants::OCTANTS;
 pub use pellucid_core::InstructionSet;
 pub use pellucid_voxel::near_order;
 pub use spec::{LevelScale, StencilSpec};
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

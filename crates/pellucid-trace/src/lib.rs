@@ -62,3 +62,8 @@ pub use pellucid_core::InstructionSet;
 pub use tracer::Tracer;
 pub use volume::Volume;
 pub use walk::Optics;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -57,3 +57,8 @@ pub use pitch::{Frame, Pitch};
 pub use sat::{CountSat, SatMemory};
 pub use surface::{Surface, SurfaceOptions};
 pub use thickness::local_thickness_mm;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

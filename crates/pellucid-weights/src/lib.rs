@@ -13,3 +13,8 @@
 /// assert!(header.starts_with(b"{\"__metadata__\":"));
 /// ```
 pub const SHARED_LEVELS_OCTANTS: &[u8] = include_bytes!("shared-levels-octants.safetensors");
+
+/// The README's example, compiled and run by the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

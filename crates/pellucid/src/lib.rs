@@ -131,3 +131,8 @@ pub use report::Report;
 pub use settings::{GradientKind, PredictorKind, PrintSettings, StrategyKind};
 #[cfg(feature = "job")]
 pub use workspace::Workspace;
+
+/// The README's example, compiled and run by the tests.
+#[cfg(all(doctest, feature = "job"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

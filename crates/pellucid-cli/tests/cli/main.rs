@@ -7,5 +7,6 @@ mod prepare;
 mod preview;
 mod proof;
 mod spectral;
+mod readme;
 mod texture;
 mod training;

@@ -42,14 +42,6 @@ impl Passes {
         }
     }
 
-    pub(super) fn engine(&self) -> Engine {
-        match self {
-            Self::Own(_) => Engine::Own,
-            #[cfg(feature = "candle")]
-            Self::Candle(_) => Engine::Candle,
-        }
-    }
-
     /// As [`Network::forward`], with these weights.
     pub(super) fn forward(
         &mut self,

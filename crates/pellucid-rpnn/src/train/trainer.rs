@@ -46,8 +46,16 @@ pub struct Trainer {
     pending: (f64, u64),
     /// Seconds spent in [`Trainer::run`].
     seconds: f64,
-    passes: Passes,
+    engine: Engine,
     augment: Augment,
+    /// Made by the first step: it takes memory for a whole batch, and a checkpoint's word is not enough for that.
+    work: Option<Box<Work>>,
+}
+
+/// What a step works with.
+#[derive(Clone, Debug)]
+struct Work {
+    passes: Passes,
     buffers: Buffers,
 }
 
@@ -61,6 +69,23 @@ struct Buffers {
     d_radiance: Vec<f32>,
     d_outputs: Vec<f32>,
     gradient: Vec<f32>,
+}
+
+impl Work {
+    fn new(engine: Engine, settings: &TrainSettings, parameters: usize) -> Result<Self, RpnnError> {
+        let (batch, outputs) = (settings.batch, settings.batch * settings.head.outputs());
+        let buffers = Buffers {
+            inputs: vec![0.0; batch * INPUTS],
+            flights: vec![FirstFlight::default(); batch],
+            labels: vec![0.0; batch],
+            outputs: vec![0.0; outputs],
+            radiance: vec![0.0; batch],
+            d_radiance: vec![0.0; batch],
+            d_outputs: vec![0.0; outputs],
+            gradient: vec![0.0; parameters],
+        };
+        Ok(Self { passes: Passes::new(engine, settings)?, buffers })
+    }
 }
 
 /// What a checkpoint keeps beside the settings.
@@ -100,21 +125,20 @@ impl Trainer {
 
     pub(super) fn from_state(settings: TrainSettings, state: State) -> Result<Self, RpnnError> {
         settings.check()?;
-        let batch = settings.batch;
-        let passes = Passes::new(Engine::Own, &settings)?;
         let augment = Augment::new(settings.form, settings.mirror, settings.seed);
-        let buffers = Buffers {
-            inputs: vec![0.0; batch * INPUTS],
-            flights: vec![FirstFlight::default(); batch],
-            labels: vec![0.0; batch],
-            outputs: vec![0.0; batch * settings.head.outputs()],
-            radiance: vec![0.0; batch],
-            d_radiance: vec![0.0; batch],
-            d_outputs: vec![0.0; batch * settings.head.outputs()],
-            gradient: vec![0.0; state.weights.values().len()],
-        };
         let State { weights, optimiser, curve, pending, seconds } = state;
-        Ok(Self { settings, weights, optimiser, curve, pending, seconds, passes, augment, buffers })
+        let trainer = Self {
+            settings,
+            weights,
+            optimiser,
+            curve,
+            pending,
+            seconds,
+            engine: Engine::Own,
+            augment,
+            work: None,
+        };
+        trainer.with_engine(Engine::Own)
     }
 
     /// The same run on another engine. Checkpoints do not name it: a run may be resumed on either.
@@ -122,13 +146,14 @@ impl Trainer {
     /// # Errors
     /// [`RpnnError::Invalid`] when the engine does not have the settings' precision.
     pub fn with_engine(mut self, engine: Engine) -> Result<Self, RpnnError> {
-        self.passes = Passes::new(engine, &self.settings)?;
+        Passes::new(engine, &TrainSettings { batch: 1, ..self.settings.clone() })?;
+        (self.engine, self.work) = (engine, None);
         Ok(self)
     }
 
     /// Who computes outputs and gradients; [`Engine::Own`] unless [`Trainer::with_engine`] chose another.
     pub fn engine(&self) -> Engine {
-        self.passes.engine()
+        self.engine
     }
 
     /// The settings.
@@ -195,14 +220,24 @@ impl Trainer {
     /// [`RpnnError::Source`] when there is no batch, [`RpnnError::Invalid`] when a sample or the gradient is
     /// not finite; the state is as before then.
     pub fn step(&mut self, source: &mut dyn SampleSource) -> Result<StepReport, RpnnError> {
+        let mut work = match self.work.take() {
+            Some(work) => work,
+            None => Box::new(Work::new(self.engine, &self.settings, self.weights.values().len())?),
+        };
+        let report = self.step_with(&mut work, source);
+        self.work = Some(work);
+        report
+    }
+
+    fn step_with(&mut self, work: &mut Work, source: &mut dyn SampleSource) -> Result<StepReport, RpnnError> {
         let index = self.optimiser.step;
-        let b = &mut self.buffers;
+        let Work { passes, buffers: b } = work;
         let (head, radiance) = (self.settings.head, &mut b.labels);
         source
             .batch(index, Batch { stencils: &mut b.inputs, flights: &mut b.flights, radiance })
             .map_err(|source| RpnnError::Source { batch: index, source })?;
         self.augment.apply(index, &mut b.inputs);
-        self.passes.forward(&self.weights, &b.inputs, &mut b.outputs)?;
+        passes.forward(&self.weights, &b.inputs, &mut b.outputs)?;
         head.radiance(&b.outputs, &b.flights, &mut b.radiance);
         let scale = 2.0 / self.settings.batch as f32;
         let mut squares = 0.0;
@@ -217,7 +252,7 @@ impl Trainer {
         }
         head.derivatives(&b.radiance, &b.d_radiance, &b.flights, &mut b.d_outputs);
         b.gradient.fill(0.0);
-        self.passes.backward(&b.d_outputs, &mut b.gradient)?;
+        passes.backward(&b.d_outputs, &mut b.gradient)?;
         let rate = self.settings.rate(index);
         let gradient_norm = self.optimiser.step(self.weights.values_mut(), &b.gradient, rate)?;
         self.pending = (self.pending.0 + loss, self.pending.1 + 1);

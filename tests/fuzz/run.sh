@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Fuzzes every reader and prints the rows of the record in docs/results/reliability.md.
+#
+#   tests/fuzz/run.sh [SECONDS [TARGET...]]     1800 seconds a target by default, all targets
+#   tests/fuzz/run.sh rows                      the rows again
+#
+# It may be stopped and run again: a target goes on from its corpus until it has had its seconds, all runs together. A crash
+# ends its target and stays in work/crashes; mend it, keep its input in regressions/TARGET, remove it there and run again.
+# A stable compiler does: RUSTC_BOOTSTRAP switches its unstable flags on.
+set -euo pipefail
+cd "$(dirname "$0")"
+work=$PWD/work
+rows_only=0
+[[ ${1:-} == rows ]] && { rows_only=1; shift; }
+seconds=${1:-1800}
+shift || true
+targets=("$@")
+[[ ${#targets[@]} -gt 0 ]] || mapfile -t targets < <(ls seeds)
+mkdir -p "$work/runs" "$work/crashes"
+
+export RUSTC_BOOTSTRAP=1 RAYON_NUM_THREADS=1 ASAN_OPTIONS=detect_leaks=0
+host=$(rustc -vV | sed -n 's/^host: //p')
+built=${CARGO_TARGET_DIR:-$PWD/target}/$host/release
+[[ -d /dev/shm ]] && export TMPDIR=/dev/shm
+
+sum() { awk -v key="$2" '$1 == key { s += $2 } END { printf "%d", s }' "$work/runs/$1" 2>/dev/null || echo 0; }
+last() { awk -v key="$2" '$1 == key { s = $2 } END { printf "%d", s }' "$work/runs/$1"; }
+
+build() {
+    # As cargo-fuzz sets them.
+    local arguments="-sanitizer-coverage-level=4 -sanitizer-coverage-inline-8bit-counters -sanitizer-coverage-pc-table \
+-sanitizer-coverage-trace-compares -simplifycfg-branch-fold-threshold=0"
+    RUSTFLAGS="-Cpasses=sancov-module $(printf -- '-Cllvm-args=%s ' $arguments)-Zsanitizer=address -Cdebug-assertions \
+--cfg fuzzing" cargo build --quiet --release --locked --target "$host"
+}
+
+# Runs a target for some seconds and notes what came of it.
+fuzz() {
+    local target=$1 time=$2 log=$work/$1.log begin=$SECONDS status=0
+    mkdir -p "$work/corpus/$target" "$work/crashes/$target"
+    # The words of its seeds, to build inputs from.
+    { grep -IhoE '[A-Za-z_][A-Za-z_0-9]{2,31}' -r "seeds/$target" || true; } | sort -u | sed 's/.*/"&"/' >"$work/$target.words"
+    READER=$target "$built/reader" -max_total_time="$time" -rss_limit_mb=2048 -malloc_limit_mb=512 -timeout=20 -max_len=65536 \
+        -dict="$work/$target.words" -artifact_prefix="$work/crashes/$target/" -print_final_stats=1 \
+        "$work/corpus/$target" "seeds/$target" >"$log" 2>&1 || status=$?
+    {
+        echo "seconds $((SECONDS - begin))"
+        sed -nE 's/^stat::number_of_executed_units: +/executions /p' "$log"
+        grep -E '^#[0-9]+.* cov: ' "$log" | tail -1 | sed -E 's/.* cov: ([0-9]+) ft: ([0-9]+).*/edges \1\nfeatures \2/'
+    } >>"$work/runs/$target"
+    [[ $status == 0 ]] || echo "$target: stopped with status $status, see $log" >&2
+}
+
+if [[ $rows_only == 0 ]]; then
+    build
+    for target in "${targets[@]}"; do
+        left=$((seconds - $(sum "$target" seconds)))
+        [[ $left -le 0 ]] || fuzz "$target" "$left"
+    done
+fi
+echo "| target | seconds | executions | edges | inputs kept | open crashes |"
+echo "| --- | --- | --- | --- | --- | --- |"
+for target in "${targets[@]}"; do
+    [[ -e $work/runs/$target ]] || continue
+    kept=$(find "$work/corpus/$target" -type f | wc -l)
+    crashes=$(find "$work/crashes/$target" -type f | wc -l)
+    echo "| $target | $(sum "$target" seconds) | $(sum "$target" executions) | $(last "$target" edges) | $kept | $crashes |"
+done
