@@ -47,7 +47,7 @@ impl PrintJob {
         viewing: &Viewing,
         control: &Control<'_>,
     ) -> Result<Appearance, PrintError> {
-        let tracer = predictors::monte_carlo(&self.settings, self.settings.judge_spp)?;
+        let tracer = predictors::monte_carlo(&self.settings, self.settings.judge_spp, &self.team)?;
         let mut bound = tracer.bind(Arc::clone(object))?;
         bound.update(labels, Changed::Unknown, &control.silent())?;
         let half = |pass: u32| {
@@ -71,7 +71,8 @@ impl PrintJob {
         viewing: &Viewing,
         control: &Control<'_>,
     ) -> Result<Appearance, PrintError> {
-        let Ok(network) = predictors::fitting(&self.settings, object, predictors::network)? else {
+        let Ok(network) = predictors::fitting(&self.settings, object, &self.team, predictors::network)?
+        else {
             return self.appearance_by_paths(labels, object, viewing, control);
         };
         let mut bound = network.bind(Arc::clone(object))?;
@@ -105,7 +106,8 @@ impl PrintJob {
         control: &Control<'_>,
     ) -> Result<PictureError, PrintError> {
         let (s, silent) = (&self.settings, control.silent());
-        let mut precise = predictors::monte_carlo(s, s.judge_point_spp)?.bind(Arc::clone(object))?;
+        let mut precise =
+            predictors::monte_carlo(s, s.judge_point_spp, &self.team)?.bind(Arc::clone(object))?;
         precise.update(labels, Changed::Unknown, &silent)?;
         let all = object.points();
         let count = all.len().min(s.judge.points as usize);
