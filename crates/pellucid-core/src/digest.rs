@@ -32,6 +32,11 @@ impl Digest {
     pub fn hex(self) -> String {
         format!("{:032x}", self.0)
     }
+
+    /// The lower half of its bits.
+    pub(crate) fn low(self) -> u64 {
+        self.0 as u64
+    }
 }
 
 impl Default for Digest {

@@ -12,6 +12,7 @@
 //! | [`instruction_set`] | which vector instructions are used, and how to force fewer |
 //! | [`staging`] | output folders that appear complete or not at all |
 //! | [`stats`] | statistics of errors: [`ErrorStats`], [`NoisyScore`] |
+//! | [`team`] | processes that share out their work: [`Team`] |
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "json")]
@@ -26,6 +27,7 @@ pub mod json;
 pub mod random;
 pub mod staging;
 pub mod stats;
+pub mod team;
 
 #[cfg(feature = "json")]
 pub use checkpoints::{CheckpointError, Checkpoints};
@@ -35,6 +37,7 @@ pub use fault::{Fault, FileError, chain};
 pub use instruction_set::InstructionSet;
 pub use random::{Domain, stream};
 pub use stats::{ErrorStats, NoisyScore};
+pub use team::Team;
 
 /// The README's example, compiled and run by the tests.
 #[cfg(doctest)]

@@ -8,6 +8,7 @@
 //! | `MonteCarlo` | `mc` | unbiased path tracing, with the noise of its paths |
 //! | `Network` | `rpnn` (`weights` for trained ones) | the appearance network, without noise, with errors of its own |
 //! | `CandleNetwork` | `candle` (`cuda`, `metal`) | the same network in candle, on any of its devices |
+//! | [`Shared`] | - | another one, whose work the members of a team share out |
 //! | [`Corrected`] | - | a fast one whose error an unbiased one finds at some of the points, and which is taken out |
 //!
 //! Feature `conformance` has the suite that all of them pass and one's own should, `serde` serialises identities,
@@ -113,6 +114,7 @@ pub mod object;
 #[cfg(feature = "mc")]
 mod picture;
 pub mod predictor;
+mod shared;
 mod sharing;
 mod with_gradient;
 
@@ -134,6 +136,7 @@ pub use predictor::{
     BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Learned, MaterialGradient, Pass, Predictor,
     predict_all,
 };
+pub use shared::Shared;
 pub use sharing::Sharing;
 pub use with_gradient::WithGradient;
 

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use pellucid_core::{Control, InstructionSet};
+use pellucid_core::team::Alone;
+use pellucid_core::{Control, InstructionSet, Team};
 use pellucid_trace::{
     AdjointOptions, Boundary, Derivatives, TraceError, TraceOptions, Tracer, Tracking, Volume,
 };
@@ -213,10 +214,23 @@ impl BoundPredictor for BoundMonteCarlo {
         out: &mut dyn MaterialGradient,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
+        self.pullback_in(&Alone, points, draw, d_radiance, out, control)
+    }
+
+    /// Each member follows some of the paths.
+    fn pullback_in(
+        &self,
+        team: &dyn Team,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
         let spp = self.settings.options.spp;
         let tracer = self.tracer(points, draw, spp, d_radiance.len(), control)?;
-        let adjoint = &self.settings.adjoint;
-        tracer.pullback(points, draw.pass.number(), d_radiance, adjoint, &mut Handed(out), control)?;
+        let (adjoint, pass) = (&self.settings.adjoint, draw.pass.number());
+        tracer.pullback_in(team, points, pass, d_radiance, adjoint, &mut Handed(out), control)?;
         Ok(())
     }
 }

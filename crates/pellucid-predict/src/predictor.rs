@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pellucid_core::Control;
+use pellucid_core::{Control, Team};
 use pellucid_voxel::LabelGrid;
 
 use crate::{Identity, Object, PredictError};
@@ -78,6 +78,24 @@ pub trait BoundPredictor: Send {
     ) -> Result<(), PredictError> {
         let _ = (points, draw, d_radiance, out, control);
         Err(PredictError::unsupported("gradient", "this predictor has none"))
+    }
+
+    /// [`BoundPredictor::pullback`] as a member of a team, all of whom hold the same labels and ask for the same. Every member
+    /// gets the calls of [`MaterialGradient::add`] that one alone would. By default each does all of the work.
+    ///
+    /// # Errors
+    /// As [`BoundPredictor::pullback`]; [`PredictError::Cancelled`] also where another member was.
+    fn pullback_in(
+        &self,
+        team: &dyn Team,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        let _ = team;
+        self.pullback(points, draw, d_radiance, out, control)
     }
 
     /// Takes in what one pass learned, for the next. A pass is taken in once, however often it is handed over.

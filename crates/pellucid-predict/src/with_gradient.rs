@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pellucid_core::Control;
+use pellucid_core::{Control, Team};
 use pellucid_voxel::LabelGrid;
 
 use crate::{
@@ -90,6 +90,18 @@ impl BoundPredictor for BoundBoth {
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
         self.gradient.pullback(points, draw, d_radiance, out, control)
+    }
+
+    fn pullback_in(
+        &self,
+        team: &dyn Team,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        self.gradient.pullback_in(team, points, draw, d_radiance, out, control)
     }
 
     fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {

@@ -135,19 +135,22 @@ impl PrintJob {
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
     pub fn choose(&self, aimed: &Aimed, control: &Control<'_>) -> Result<Choice, PrintError> {
         let settings = crate::PrintSettings { predictor: PredictorKind::Rpnn, ..self.settings().clone() };
-        let network = match predictors::fitting(&settings, &aimed.object, predictors::predictor)? {
+        let network = match predictors::fitting(&settings, &aimed.object, self.team(), predictors::predictor)?
+        {
             Err(fault) => return Ok(Choice::without_network(&fault.to_string())),
             Ok(network) => network,
         };
         let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };
-        let candidates =
-            [(PredictorKind::MonteCarlo, predictors::predictor(&paths)?), (PredictorKind::Rpnn, network)];
+        let candidates = [
+            (PredictorKind::MonteCarlo, predictors::predictor(&paths, self.team())?),
+            (PredictorKind::Rpnn, network),
+        ];
         let labels = self.halftone(aimed, control)?.0;
         let patches = Patches::new(&aimed.object, self.settings().seed);
         let channels = aimed.object.channels();
         let truth = {
-            let mut bound =
-                predictors::monte_carlo(self.settings(), PATHS)?.bind(Arc::clone(&aimed.object))?;
+            let mut bound = predictors::monte_carlo(self.settings(), PATHS, self.team())?
+                .bind(Arc::clone(&aimed.object))?;
             bound.update(&labels, Changed::Unknown, &control.silent())?;
             let mut radiance = vec![0.0; patches.points.len() * channels];
             let draw = Draw::new(self.settings().seed, Pass::Trial);
@@ -173,7 +176,15 @@ impl PrintJob {
             let error = (squares / means.len().max(1) as f64).sqrt();
             trials.push(Trial { predictor: *predictor, seconds, error });
         }
-        Ok(Choice::of(trials))
+        self.as_the_first(Choice::of(trials))
+    }
+
+    /// The choice of a team's first member: times differ from one to the next.
+    fn as_the_first(&self, own: Choice) -> Result<Choice, PrintError> {
+        let mut bytes = serde_json::json!(own).to_string().into_bytes();
+        self.team().from_first(&mut bytes);
+        serde_json::from_slice(&bytes)
+            .map_err(|e| PrintError::invalid("choice of the team", pellucid_core::json::plain(&e)))
     }
 
     /// The halftone that refinement starts from, and the share of the surface whose colour is out of reach.

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use pellucid_core::Fault;
-use pellucid_predict::{MonteCarlo, Object, PredictError, Predictor, WithGradient};
+use pellucid_core::{Fault, Team};
+use pellucid_predict::{MonteCarlo, Object, PredictError, Predictor, Shared, WithGradient};
 use pellucid_voxel::MaterialTable;
 
 use crate::{GradientKind, PredictorKind, PrintError, PrintSettings, StrategyKind};
@@ -12,8 +12,16 @@ use crate::{GradientKind, PredictorKind, PrintError, PrintSettings, StrategyKind
 #[cfg(feature = "rpnn")]
 const SLACK: f64 = 1.01;
 
-/// The path tracer with `spp` paths a point and channel.
-pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCarlo, PrintError> {
+/// A team's path tracer with `spp` paths a point and channel.
+pub(crate) fn monte_carlo(
+    settings: &PrintSettings,
+    spp: u32,
+    team: &Arc<dyn Team>,
+) -> Result<Shared<MonteCarlo>, PrintError> {
+    Ok(Shared::new(own_paths(settings, spp)?, Arc::clone(team)))
+}
+
+fn own_paths(settings: &PrintSettings, spp: u32) -> Result<MonteCarlo, PrintError> {
     let mut tracer = MonteCarlo::new(spp)?;
     if let Some(set) = settings.instruction_set {
         tracer = tracer.with_instruction_set(set)?;
@@ -22,15 +30,19 @@ pub(crate) fn monte_carlo(settings: &PrintSettings, spp: u32) -> Result<MonteCar
 }
 
 /// The predictor that settings name, with the gradient that their strategy needs; the path tracer where an object has
-/// to decide.
-pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
-    let mut tracer = monte_carlo(settings, settings.spp.unwrap_or(settings.strategy.spp()))?;
+/// to decide. What takes time in it is the team's.
+pub(crate) fn predictor(
+    settings: &PrintSettings,
+    team: &Arc<dyn Team>,
+) -> Result<Arc<dyn Predictor>, PrintError> {
+    let mut tracer = own_paths(settings, settings.spp.unwrap_or(settings.strategy.spp()))?;
     if settings.strategy == StrategyKind::Descent {
         tracer = tracer.with_pooled_adjoint().with_adjoint_paths(gradient_paths(settings))?;
     }
+    let tracer = Shared::new(tracer, Arc::clone(team));
     let values: Arc<dyn Predictor> = match settings.predictor {
-        PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer),
-        PredictorKind::Rpnn => corrected(settings, tracer)?,
+        PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer.clone()),
+        PredictorKind::Rpnn => corrected(settings, tracer.clone(), team)?,
     };
     let by_paths = settings.predictor != PredictorKind::Rpnn;
     match (settings.strategy, settings.gradient) {
@@ -38,7 +50,7 @@ pub(crate) fn predictor(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, 
         (StrategyKind::Descent, GradientKind::Paths) if by_paths => Ok(values),
         (StrategyKind::Descent, GradientKind::Paths) => Ok(Arc::new(WithGradient::new(values, tracer))),
         (StrategyKind::Descent, GradientKind::Network) => {
-            Ok(Arc::new(WithGradient::new(values, network(settings)?)))
+            Ok(Arc::new(WithGradient::new(values, network(settings, team)?)))
         }
     }
 }
@@ -49,28 +61,40 @@ fn gradient_paths(settings: &PrintSettings) -> f32 {
 }
 
 #[cfg(feature = "rpnn")]
-fn corrected(settings: &PrintSettings, tracer: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
-    Ok(Arc::new(pellucid_predict::Corrected::new(network(settings)?, tracer, settings.correction)?))
+fn corrected(
+    settings: &PrintSettings,
+    tracer: Shared<MonteCarlo>,
+    team: &Arc<dyn Team>,
+) -> Result<Arc<dyn Predictor>, PrintError> {
+    Ok(Arc::new(pellucid_predict::Corrected::new(network(settings, team)?, tracer, settings.correction)?))
 }
 
 #[cfg(not(feature = "rpnn"))]
-fn corrected(_: &PrintSettings, _: MonteCarlo) -> Result<Arc<dyn Predictor>, PrintError> {
+fn corrected(
+    _: &PrintSettings,
+    _: Shared<MonteCarlo>,
+    _: &Arc<dyn Team>,
+) -> Result<Arc<dyn Predictor>, PrintError> {
     Err(no_network("this build has no network; build with the feature \"weights\""))
 }
 
 #[cfg(not(feature = "rpnn"))]
-pub(crate) fn network(_: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
+pub(crate) fn network(_: &PrintSettings, _: &Arc<dyn Team>) -> Result<Arc<dyn Predictor>, PrintError> {
     Err(no_network("this build has no network's gradient; build with the feature \"weights\""))
 }
 
 /// The network alone: what the report compares with the judge's paths.
 #[cfg(feature = "rpnn")]
-pub(crate) fn network(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, PrintError> {
+pub(crate) fn network(
+    settings: &PrintSettings,
+    team: &Arc<dyn Team>,
+) -> Result<Arc<dyn Predictor>, PrintError> {
     let network = on_own_kernels(settings)?;
-    match settings.device {
-        None => Ok(Arc::new(network)),
-        Some(device) => in_candle(settings, &network, device),
-    }
+    let network: Arc<dyn Predictor> = match settings.device {
+        None => Arc::new(network),
+        Some(device) => in_candle(settings, &network, device)?,
+    };
+    Ok(Arc::new(Shared::new(network, Arc::clone(team))))
 }
 
 /// What `make` makes of the settings by means of the network, if that was trained for such an object; else why it does not
@@ -78,10 +102,11 @@ pub(crate) fn network(settings: &PrintSettings) -> Result<Arc<dyn Predictor>, Pr
 pub(crate) fn fitting(
     settings: &PrintSettings,
     object: &Object,
-    make: fn(&PrintSettings) -> Result<Arc<dyn Predictor>, PrintError>,
+    team: &Arc<dyn Team>,
+    make: fn(&PrintSettings, &Arc<dyn Team>) -> Result<Arc<dyn Predictor>, PrintError>,
 ) -> Result<Result<Arc<dyn Predictor>, Fault>, PrintError> {
     let made = || {
-        let made = make(settings)?;
+        let made = make(settings, team)?;
         made.supports(object)?;
         check_range(settings, object.materials())?;
         Ok(made)

@@ -5,8 +5,10 @@
 //! all, so a job that was killed goes on near where it was, and ends with the same bytes.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use pellucid_core::Checkpoints;
+use pellucid_core::team::Alone;
+use pellucid_core::{Checkpoints, Team};
 
 use crate::PrintError;
 use crate::record::Record;
@@ -20,12 +22,15 @@ pub(crate) const JUDGED: &str = "judged.bin";
 
 /// Where a job keeps what it has done; or nowhere.
 #[derive(Debug)]
-pub struct Workspace(Checkpoints);
+pub struct Workspace {
+    own: Checkpoints,
+    team: Arc<dyn Team>,
+}
 
 impl Workspace {
     /// A job that keeps nothing and cannot be resumed.
     pub fn none() -> Self {
-        Self(Checkpoints::none())
+        Self::of(Checkpoints::none())
     }
 
     /// The folder of checkpoints that belongs to an output folder: `OUT.job` beside it.
@@ -45,39 +50,56 @@ impl Workspace {
         let folder = Self::folder_of(out);
         let checkpoints = Checkpoints::create(&folder);
         checkpoints.claim()?;
-        if checkpoints.left() { Err(PrintError::Interrupted { folder }) } else { Ok(Self(checkpoints)) }
+        if checkpoints.left() { Err(PrintError::Interrupted { folder }) } else { Ok(Self::of(checkpoints)) }
     }
 
     /// Goes on with the interrupted job of an output folder; a new one where there is none. The job is refused when
     /// another process is at work on the same output.
     pub fn resume(out: &Path) -> Self {
-        Self(Checkpoints::resume(Self::folder_of(out)))
+        Self::of(Checkpoints::resume(Self::folder_of(out)))
+    }
+
+    /// The same for a job of a team ([`PrintJob::with_team`](crate::PrintJob::with_team)): what member 0's workspace holds is
+    /// gone on with by all, on whatever number of members. The others' should be [`Workspace::none`].
+    pub fn of_team(self, team: Arc<dyn Team>) -> Self {
+        Self { team, ..self }
+    }
+
+    fn of(own: Checkpoints) -> Self {
+        Self { own, team: Arc::new(Alone) }
     }
 
     /// Whether there is something to go on with.
     pub fn has_checkpoint(&self) -> bool {
-        self.0.has_any()
+        self.own.has_any()
     }
 
     /// Whether this job or an earlier one left something to go on with.
     pub fn holds_checkpoint(&self) -> bool {
-        self.0.left()
+        self.own.left()
     }
 
     pub(crate) fn begin(&self, record: &Record) -> Result<(), PrintError> {
-        Ok(self.0.begin(&record.comparable())?)
+        Ok(self.own.begin(&record.comparable())?)
     }
 
     /// A checkpoint that cannot be gone on with.
     pub(crate) fn unusable(&self, name: &str, reason: &dyn std::fmt::Display) -> PrintError {
-        let folder = self.0.folder().unwrap_or(Path::new(""));
+        let folder = self.own.folder().unwrap_or(Path::new(""));
         let remedy = format!("remove {} to start anew", folder.display());
         let fault = pellucid_core::Fault::new(folder.join(name).display().to_string(), reason.to_string());
         PrintError::Invalid(fault.remedy(remedy))
     }
 
     pub(crate) fn load(&self, name: &str) -> Result<Option<Vec<u8>>, PrintError> {
-        Ok(self.0.load(name)?)
+        let own = if self.team.rank() == 0 { self.own.load(name)? } else { None };
+        // Empty where there is none, else a byte more.
+        let mut message = own.map_or(Vec::new(), |mut bytes| {
+            bytes.push(0);
+            bytes
+        });
+        self.team.from_first(&mut message);
+        Ok(message.pop().map(|_| message))
     }
 
     /// `bytes` are made only where they are kept.
@@ -86,7 +108,7 @@ impl Workspace {
         name: &str,
         bytes: impl FnOnce() -> Result<Vec<u8>, PrintError>,
     ) -> Result<(), PrintError> {
-        if self.0.keeps() { Ok(self.0.save(name, &bytes()?)?) } else { Ok(()) }
+        if self.own.keeps() { Ok(self.own.save(name, &bytes()?)?) } else { Ok(()) }
     }
 
     /// Removes the checkpoints of a job that is complete.
@@ -94,6 +116,6 @@ impl Workspace {
     /// # Errors
     /// [`PrintError::Io`].
     pub fn finish(self) -> Result<(), PrintError> {
-        Ok(self.0.remove(&[CHOICE, REFINEMENT, JUDGED])?)
+        Ok(self.own.remove(&[CHOICE, REFINEMENT, JUDGED])?)
     }
 }

@@ -6,7 +6,7 @@ mod common;
 mod prepare;
 mod preview;
 mod proof;
-mod spectral;
 mod readme;
+mod spectral;
 mod texture;
 mod training;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pellucid_core::{Control, Domain, random};
+use pellucid_core::{Control, Domain, Team, random};
 use pellucid_voxel::LabelGrid;
 use rayon::prelude::*;
 
@@ -218,6 +218,21 @@ impl BoundPredictor for BoundCorrected {
             return Err(PredictError::before_update());
         }
         self.fast.pullback(points, draw, d_radiance, out, control)
+    }
+
+    fn pullback_in(
+        &self,
+        team: &dyn Team,
+        points: &[u32],
+        draw: Draw,
+        d_radiance: &[f32],
+        out: &mut dyn MaterialGradient,
+        control: &Control<'_>,
+    ) -> Result<(), PredictError> {
+        if !self.current {
+            return Err(PredictError::before_update());
+        }
+        self.fast.pullback_in(team, points, draw, d_radiance, out, control)
     }
 
     fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {

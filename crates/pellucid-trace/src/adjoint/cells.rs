@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicI64, Ordering};
 
+use pellucid_core::Team;
 use rayon::prelude::*;
 
 use super::{Derivatives, Phases};
@@ -11,6 +12,8 @@ use crate::volume::Volume;
 
 /// Units a millimetre.
 const UNIT: f32 = (1 << 24) as f32;
+/// Sums that a team adds up at a time: 8 MB.
+const MESSAGE: usize = 1 << 20;
 /// Bricks that one task hands out.
 const TASK: usize = 128;
 /// Bricks whose rows are in memory at a time.
@@ -94,6 +97,20 @@ impl Cells {
     pub(crate) fn scatter(&self, cell: u32, value: f32, phases: &Phases, byte: u32, cosine: f32) {
         for (k, sum) in self.sums(cell)[1..].iter().enumerate().take(phases.len()) {
             add(sum, value * phases.ratio(k, byte, cosine));
+        }
+    }
+
+    /// Adds up the sums of a team's members.
+    pub(crate) fn sum(&mut self, team: &dyn Team) {
+        if team.size() == 1 {
+            return;
+        }
+        let mut message = Vec::with_capacity(self.sums.len().min(MESSAGE));
+        for sums in self.sums.chunks_mut(MESSAGE) {
+            message.clear();
+            message.extend(sums.iter_mut().map(|sum| *sum.get_mut()));
+            team.sum(&mut message);
+            sums.iter_mut().zip(&message).for_each(|(sum, &all)| *sum.get_mut() = all);
         }
     }
 

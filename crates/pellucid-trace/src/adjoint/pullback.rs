@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
+use pellucid_core::Team;
+use pellucid_core::team::Alone;
 use pellucid_voxel::Control;
 use rayon::prelude::*;
 
@@ -64,6 +66,25 @@ impl Tracer<'_> {
         out: &mut dyn Derivatives,
         control: &Control<'_>,
     ) -> Result<u64, TraceError> {
+        self.pullback_in(&Alone, points, iteration, d_radiance, options, out, control)
+    }
+
+    /// [`Tracer::pullback`] as a member of a team, all of whom ask for the same: each follows some of the paths, and their
+    /// sums, which are integers, are added up. Every member gets the same bytes as one that is alone; the number of paths
+    /// is the whole team's, and progress counts the member's own.
+    ///
+    /// # Errors
+    /// As [`Tracer::pullback`]; [`TraceError::Cancelled`] also where another member was.
+    pub fn pullback_in(
+        &self,
+        team: &dyn Team,
+        points: &[u32],
+        iteration: u32,
+        d_radiance: &[f32],
+        options: &AdjointOptions,
+        out: &mut dyn Derivatives,
+        control: &Control<'_>,
+    ) -> Result<u64, TraceError> {
         options.check()?;
         self.check_points(points, "d_radiance", d_radiance.len())?;
         if let Some(i) = d_radiance.iter().position(|r| !r.is_finite()) {
@@ -90,7 +111,8 @@ impl Tracer<'_> {
                 Plan::new(weights, points.iter().map(|&p| self.adjoint_key(p, c, iteration)), 1.0 / per_path)
             })
             .collect::<Result<_, _>>()?;
-        let total = plans.iter().map(Plan::paths).sum();
+        let total: u64 = plans.iter().map(Plan::paths).sum();
+        let own = (total / team.size() as u64).max(1);
         let done = AtomicU64::new(0);
         let phases = |c| Phases::new(&self.materials, self.volume.palette(), c);
         let most = (0..self.channels()).map(|c| phases(c).len()).max().unwrap_or(1);
@@ -98,21 +120,29 @@ impl Tracer<'_> {
         if cells.is_empty() {
             return Ok(0);
         }
+        // A member that fails says so where the team meets next, so that none waits for it in vain.
+        let mut outcome: Result<(), TraceError> = Ok(());
         for (c, plan) in plans.iter().enumerate() {
             let pass = Pass { tracer: self, points, d_radiance, iteration, channel: c, phases: phases(c) };
-            plan.groups().into_par_iter().try_for_each(|group| {
-                control.check()?;
-                let (range, paths) = plan.group(group);
-                let count = paths.len() as u64;
-                pass.splat(range, paths, &cells);
-                control.advance(&done, count, total);
-                Ok::<_, TraceError>(())
-            })?;
+            let groups: Vec<u64> = plan.groups().skip(team.rank()).step_by(team.size()).collect();
+            outcome = outcome.and_then(|()| {
+                groups.into_par_iter().try_for_each(|group| {
+                    control.check()?;
+                    let (range, paths) = plan.group(group);
+                    let count = paths.len() as u64;
+                    pass.splat(range, paths, &cells);
+                    control.advance(&done, count, own);
+                    Ok::<_, TraceError>(())
+                })
+            });
+            all_went_on(team, outcome)?;
+            cells.sum(team);
             if options.pooled {
                 cells.pool(self.volume, &pass.phases);
             }
-            pass.hand_out(per_path, &mut cells, out, control)?;
+            outcome = pass.hand_out(per_path, &mut cells, out, control);
         }
+        all_went_on(team, outcome)?;
         Ok(total)
     }
 
@@ -130,6 +160,14 @@ impl Tracer<'_> {
     fn adjoint_key(&self, point: u32, channel: usize, iteration: u32) -> u64 {
         rng::point_key(rng::adjoint_seed(self.options.seed), iteration, channel as u32, point)
     }
+}
+
+/// An error for every member when one of them stopped: nothing else ends these steps early.
+fn all_went_on(team: &dyn Team, own: Result<(), TraceError>) -> Result<(), TraceError> {
+    let mut stopped = [i64::from(own.is_err())];
+    team.sum(&mut stopped);
+    own?;
+    if stopped == [0] { Ok(()) } else { Err(TraceError::Cancelled) }
 }
 
 /// The derivative of one channel.

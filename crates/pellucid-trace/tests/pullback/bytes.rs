@@ -1,5 +1,6 @@
 //! The same bytes however the work is done, and linearity.
 
+use pellucid_core::team::Threads;
 use pellucid_trace::{InstructionSet, TraceOptions, Tracking};
 use pellucid_voxel::{MaterialTable, Pitch};
 use proptest::prelude::*;
@@ -56,6 +57,20 @@ proptest! {
         scene(options).pullback_to(3, paths, &mut part);
         let expected: Vec<_> = whole.calls.iter().filter(|(v, _, _)| inside(v)).copied().collect();
         prop_assert_eq!(part.calls, expected);
+    }
+}
+
+#[test]
+fn every_member_of_a_team_gets_the_bytes_of_one_alone() {
+    let object = halftone(3);
+    let table = MaterialTable::cmykw();
+    let points: Vec<u32> = (0..object.surface.len() as u32).collect();
+    let d_radiance = weights(points.len());
+    let scene = Scene::new(&object, &table, TraceOptions::default(), &points, &d_radiance);
+    let whole = scene.pullback(1, 4.0).calls;
+    for size in [2, 3] {
+        let all = Threads::run(size, |team| scene.pullback_in(&team, 1, 4.0).calls);
+        assert!(all.iter().all(|calls| *calls == whole), "{size} members");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use pellucid_core::Team;
 use pellucid_trace::{AdjointOptions, Derivatives, TraceOptions, Tracer, Volume};
 use pellucid_voxel::{Control, Material, MaterialTable};
 
@@ -67,6 +68,15 @@ impl<'a> Scene<'a> {
 
     pub fn pullback_to(&self, iteration: u32, paths: f32, sums: &mut Sums) {
         self.pullback_by(iteration, &AdjointOptions { paths, ..AdjointOptions::default() }, sums);
+    }
+
+    pub fn pullback_in(&self, team: &dyn Team, iteration: u32, paths: f32) -> Sums {
+        let tracer = Tracer::new(self.volume, self.table, self.options).unwrap();
+        let options = AdjointOptions { paths, ..AdjointOptions::default() };
+        let (points, d_radiance, none) = (self.points, self.d_radiance, Control::none());
+        let mut sums = Sums::default();
+        tracer.pullback_in(team, points, iteration, d_radiance, &options, &mut sums, &none).unwrap();
+        sums
     }
 
     pub fn pullback_by(&self, iteration: u32, options: &AdjointOptions, sums: &mut Sums) {

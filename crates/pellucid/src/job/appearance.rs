@@ -54,7 +54,7 @@ impl PrintJob {
         viewing: &Viewing,
         control: &Control<'_>,
     ) -> Result<Appearance, PrintError> {
-        let tracer = predictors::monte_carlo(&self.settings, self.settings.judge_spp)?;
+        let tracer = predictors::monte_carlo(&self.settings, self.settings.judge_spp, &self.team)?;
         let mut bound = tracer.bind(Arc::clone(object))?;
         bound.update(labels, Changed::Unknown, &control.silent())?;
         let mut half = |pass: u32| {
@@ -109,7 +109,8 @@ impl PrintJob {
         viewing: &Viewing,
         control: &Control<'_>,
     ) -> Result<Option<ByNetwork>, PrintError> {
-        let Ok(network) = predictors::fitting(&self.settings, object, predictors::network)? else {
+        let Ok(network) = predictors::fitting(&self.settings, object, &self.team, predictors::network)?
+        else {
             return Ok(None);
         };
         let mut bound = network.bind(Arc::clone(object))?;
@@ -160,7 +161,8 @@ impl PrintJob {
         control: &Control<'_>,
     ) -> Result<PictureError, PrintError> {
         let (s, silent) = (&self.settings, control.silent());
-        let mut precise = predictors::monte_carlo(s, s.judge_point_spp)?.bind(Arc::clone(object))?;
+        let mut precise =
+            predictors::monte_carlo(s, s.judge_point_spp, &self.team)?.bind(Arc::clone(object))?;
         precise.update(labels, Changed::Unknown, &silent)?;
         let all = object.points();
         let count = all.len().min(s.judge.points as usize);
@@ -217,7 +219,8 @@ mod tests {
         let object = Arc::new(Object::new(surface, s.materials.clone(), s.refractive_index).unwrap());
         let shown = job.appearance_by_paths(&labels, &object, &viewing, &control).unwrap();
         let network = job.appearance_at_once(&labels, &object, &viewing, &control).unwrap();
-        let mut bound = predictors::monte_carlo(s, s.judge_spp).unwrap().bind(Arc::clone(&object)).unwrap();
+        let mut bound =
+            predictors::monte_carlo(s, s.judge_spp, &job.team).unwrap().bind(Arc::clone(&object)).unwrap();
         bound.update(&labels, Changed::Unknown, &control).unwrap();
         let halves = [0, 1].map(|pass| {
             job.seen(&mut *bound, &labels, &object, &viewing, Pass::Judge(pass), &control).unwrap()

@@ -133,10 +133,11 @@ impl PrintJob {
         let s = &self.settings;
         let judge = Judge::new(JudgeInput::from(aimed.problem()), s.judge, s.seed, control)?
             .with_gamut_target(&aimed.gamut_target, control)?;
-        let tracer = predictors::monte_carlo(s, s.judge_spp)?;
+        let tracer = predictors::monte_carlo(s, s.judge_spp, &self.team)?;
         let capabilities = tracer.supports(&aimed.object)?;
         let mut bound = tracer.bind(aimed.object.clone())?;
-        let mut precise = predictors::monte_carlo(s, s.judge_point_spp)?.bind(aimed.object.clone())?;
+        let mut precise =
+            predictors::monte_carlo(s, s.judge_point_spp, &self.team)?.bind(aimed.object.clone())?;
         let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 2 * total);
         let (first, second) = (half(0), half(1));
         let silent = control.silent();
@@ -175,7 +176,8 @@ impl PrintJob {
         let problem = aimed.problem();
         let own = Aim { viewing: problem.viewing, printable_target: problem.printable_target };
         let aims: Vec<Aim<'_>> = std::iter::once(own).chain(aimed.further_aims()).collect();
-        let mut bound = predictors::monte_carlo(&self.settings, LIGHT_SPP)?.bind(aimed.object.clone())?;
+        let mut bound =
+            predictors::monte_carlo(&self.settings, LIGHT_SPP, &self.team)?.bind(aimed.object.clone())?;
         let mut look = |labels: &LabelGrid| {
             bound.update(labels, Changed::Unknown, control)?;
             let draw = Draw::new(self.settings.seed, Pass::Proof);
@@ -212,7 +214,7 @@ impl PrintJob {
         if self.settings.predictor != crate::PredictorKind::Rpnn {
             return Ok(None);
         }
-        let mut bound = predictors::network(&self.settings)?.bind(aimed.object.clone())?;
+        let mut bound = predictors::network(&self.settings, &self.team)?.bind(aimed.object.clone())?;
         bound.update(labels, Changed::Unknown, control)?;
         let mut radiance = vec![0.0; points.len() * aimed.object.channels()];
         bound.predict(points, Draw::new(self.settings.seed, Pass::Judge(0)), &mut radiance, control)?;

@@ -20,7 +20,8 @@ mod textured;
 use std::path::Path;
 use std::sync::Arc;
 
-use pellucid_core::staging;
+use pellucid_core::team::Alone;
+use pellucid_core::{Team, staging};
 use pellucid_mesh::Model;
 use pellucid_predict::{Identity, InstructionSet, Predictor};
 use pellucid_refine::Strategy;
@@ -66,6 +67,8 @@ pub struct PrintJob {
     /// The materials that colours are made of.
     inks: MaterialTable,
     predictor: Arc<dyn Predictor>,
+    /// Who shares out the predictions.
+    team: Arc<dyn Team>,
 }
 
 impl PrintJob {
@@ -97,8 +100,26 @@ impl PrintJob {
             1..=settings.materials.len() as u8,
         )?;
         settings.format.check(&settings.printer)?;
-        let predictor = predictors::predictor(&settings)?;
-        Ok(Self { settings, white, clear, inks, predictor })
+        let team: Arc<dyn Team> = Arc::new(Alone);
+        let predictor = predictors::predictor(&settings, &team)?;
+        Ok(Self { settings, white, clear, inks, predictor, team })
+    }
+
+    /// The same as a member of a team, each of whom does the job with the same settings and model and calls the same
+    /// methods in the same order: predictions and gradients are shared out, the rest is done by everyone. Each comes to the
+    /// bytes of a job that is done alone. Checkpoints are the first member's: see [`Workspace::of_team`].
+    ///
+    /// # Errors
+    /// None that [`PrintJob::new`] lets through.
+    pub fn with_team(mut self, team: Arc<dyn Team>) -> Result<Self, PrintError> {
+        self.predictor = predictors::predictor(&self.settings, &team)?;
+        self.team = team;
+        Ok(self)
+    }
+
+    /// Who shares out the predictions.
+    pub(crate) fn team(&self) -> &Arc<dyn Team> {
+        &self.team
     }
 
     /// The settings, with what was left to the strategy.
@@ -181,6 +202,7 @@ impl PrintJob {
             }
         };
         let job = Self::new(PrintSettings { predictor: choice.chosen, ..self.settings.clone() })?;
+        let job = job.with_team(self.team.clone())?;
         let record = Record::new(aimed.model.clone(), job.predictor.identity(), job.settings.clone());
         let prepared = job.prepare_aimed(&*job.predictor, record, aimed, workspace, monitor)?;
         Ok(Prepared { choice: Some(choice), ..prepared })

@@ -75,7 +75,7 @@ impl PrintJob {
         if self.settings.predictor == PredictorKind::Auto {
             let chosen = monitor.run(Stage::Choose, |control| self.choose(aimed, control))?.chosen;
             let settings = PrintSettings { predictor: chosen, ..self.settings.clone() };
-            return Self::new(settings)?.refine(aimed, workspace, monitor);
+            return Self::new(settings)?.with_team(self.team.clone())?.refine(aimed, workspace, monitor);
         }
         self.refine_with(&*self.predictor, aimed, workspace, monitor)
     }
