@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use pellucid::core::{FileError, files};
+use pellucid::core::{FileError, Team, files};
 use pellucid::dataset::{self, Errors, Judgement, LabelledSet, Recipe, SetHeader, Shard};
 use pellucid::training::judge_network;
 use pellucid::voxel::{Control, MaterialTable};
@@ -12,6 +12,10 @@ use serde_json::{Value, json};
 
 use crate::train::Format;
 use crate::{Failure, terminal};
+
+/// Parts that a team makes of a set: the same for every number of members, so that another one goes on with them, and
+/// enough to be shared out evenly.
+const PARTS: u32 = 48;
 
 /// What to do with files of labelled points.
 #[derive(clap::Subcommand)]
@@ -100,7 +104,34 @@ pub fn run(command: &Command, cancel: &AtomicBool) -> Result<(), Failure> {
     }
 }
 
-fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), Failure> {
+/// `pellucid dataset generate` as a member of a team: volumes are dealt out in parts, which the first member joins. The
+/// files are, byte for byte, those of one member alone.
+///
+/// # Errors
+/// [`Failure`], as a message for the user.
+pub fn generate_in(args: &GenerateArgs, team: &dyn Team) -> Result<(), Failure> {
+    if args.shard.is_some() {
+        return Err(Failure::message("--shard: the volumes are dealt out among the processes; leave it out"));
+    }
+    let never = AtomicBool::new(false);
+    for whole in headers(args)? {
+        let parts = PARTS.min(whole.split()?.volumes).max(1);
+        let made = args.out.join(dataset::labels::file_name(&whole.split, Shard::WHOLE)).exists();
+        for index in (0..parts).skip(team.rank()).step_by(team.size()).filter(|_| !made) {
+            let part = SetHeader { shard: Shard::new(index, parts)?, ..whole.clone() };
+            with_bar("volumes", &never, |control| dataset::generate(&args.out, &part, control))?;
+        }
+        // Until every member has made its parts.
+        team.sum(&mut [0]);
+        if team.rank() == 0 {
+            info(&dataset::join(&args.out, &whole, parts)?)?;
+        }
+    }
+    Ok(())
+}
+
+/// What the files of the arguments' splits are to hold; makes their folder.
+fn headers(args: &GenerateArgs) -> Result<Vec<SetHeader>, Failure> {
     let recipe = Recipe::read(&args.recipe)?;
     let splits = if args.split.is_empty() {
         recipe.splits.iter().map(|s| s.name.clone()).filter(|name| name != "train").collect()
@@ -108,13 +139,17 @@ fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), Failure> {
         args.split.clone()
     };
     std::fs::create_dir_all(&args.out).map_err(FileError::at("create", &args.out))?;
-    for split in splits {
-        let header = SetHeader {
-            recipe: recipe.clone(),
-            split,
-            materials: MaterialTable::cmykw(),
-            shard: args.shard.unwrap_or(Shard::WHOLE),
-        };
+    let header = |split| SetHeader {
+        recipe: recipe.clone(),
+        split,
+        materials: MaterialTable::cmykw(),
+        shard: args.shard.unwrap_or(Shard::WHOLE),
+    };
+    Ok(splits.into_iter().map(header).collect())
+}
+
+fn generate(args: &GenerateArgs, cancel: &AtomicBool) -> Result<(), Failure> {
+    for header in headers(args)? {
         info(&with_bar("volumes", cancel, |control| dataset::generate(&args.out, &header, control))?)?;
     }
     Ok(())

@@ -1,10 +1,12 @@
 //! `pellucid prepare`: the main job.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
-use pellucid::core::staging;
+use pellucid::core::team::Alone;
+use pellucid::core::{Team, staging};
 use pellucid::job::ProofFiles;
 use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{ImportLimits, SpectralImage};
@@ -20,7 +22,7 @@ use crate::subject::Subject;
 use crate::{Failure, arguments, summary, terminal};
 
 /// Arguments of `pellucid prepare`.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 #[command(args_override_self = true)]
 pub struct Args {
     #[command(flatten)]
@@ -100,19 +102,58 @@ fn device(name: &str) -> Result<NetworkDevice, String> {
         .ok_or_else(|| format!("a device is {}", NetworkDevice::ALL.map(NetworkDevice::name).join(", ")))
 }
 
+impl Args {
+    /// The same for another model and output folder.
+    pub fn with_model(&self, model: PathBuf, out: PathBuf) -> Self {
+        Self { subject: self.subject.clone().with_model(model), out, ..self.clone() }
+    }
+
+    /// The model's file.
+    pub fn model(&self) -> &Path {
+        self.subject.model()
+    }
+
+    /// The output folder.
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// Whether an interrupted job is gone on with.
+    pub fn resume(&self) -> bool {
+        self.resume
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
+    let alone: Arc<dyn Team> = Arc::new(Alone);
+    prepare_as(args, &alone, cancel)
+}
+
+/// `pellucid prepare` as a member of a team, each of whom reads the model. The first one writes, and says what there is to
+/// say.
+///
+/// # Errors
+/// [`Failure`], as a message for the user.
+pub fn run_in(args: &Args, team: &Arc<dyn Team>) -> Result<(), Failure> {
+    prepare_as(args, team, &AtomicBool::new(false))
+}
+
+fn prepare_as(args: &Args, team: &Arc<dyn Team>, cancel: &AtomicBool) -> Result<(), Failure> {
     args.subject.use_threads()?;
     let (settings, earlier) = settings(args)?;
-    let job = PrintJob::new(settings)?;
+    let job = PrintJob::new(settings)?.with_team(Arc::clone(team))?;
+    let first = team.rank() == 0;
     match args.output {
+        _ if !first => {}
         Output::Slices => job.check_output(&args.out, args.force)?,
         // The model's own format is known later, and always there: what was read can be written.
         Output::Texture => {
             job.check_texture_output(&args.out, args.texture_format.unwrap_or(MeshFormat::Glb), args.force)?;
         }
     }
-    let workspace = workspace(args)?;
+    let workspace = if first { workspace(args)? } else { Workspace::none() };
+    let workspace = workspace.of_team(Arc::clone(team));
 
     let bars = Bars::new();
     let model = args.subject.import(job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
@@ -122,6 +163,9 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
         Some(image) => job.prepare_spectral(&model, image, &workspace, &monitor),
         None => job.prepare(&model, &workspace, &monitor),
     };
+    if !first {
+        return Ok(prepared.map(drop)?);
+    }
     let result = prepared.and_then(|prepared| match args.output {
         Output::Slices => prepared.write_with(ProofFiles::built(), &args.out, args.force, &monitor),
         Output::Texture => {

@@ -1,6 +1,6 @@
 //! What commands that start from a model take: the model, how it is read, its size, printer and materials.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pellucid::color::RenderingIntent;
 use pellucid::color::spectrum::Illuminant;
@@ -18,7 +18,7 @@ use crate::{Failure, arguments, terminal};
 const SETTINGS_LIMIT: u64 = 16 << 20;
 
 /// A model and what it is to be printed with.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub struct Subject {
     /// A model: glTF 2.0 (.glb, .gltf), OBJ, 3MF, PLY or STL, with its files beside it
     model: PathBuf,
@@ -79,6 +79,16 @@ pub struct Subject {
 }
 
 impl Subject {
+    /// Another model under the same arguments.
+    pub fn with_model(self, model: PathBuf) -> Self {
+        Self { model, ..self }
+    }
+
+    /// The model's file.
+    pub fn model(&self) -> &Path {
+        &self.model
+    }
+
     /// Confines the work to the threads that were asked for.
     pub fn use_threads(&self) -> Result<(), Failure> {
         arguments::use_threads(self.threads)

@@ -1,12 +1,14 @@
 //! `pellucid train`: weights from a recipe.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use pellucid::core::Fault;
-use pellucid::dataset::{Prints, Recipe, StreamOptions};
+use pellucid::core::team::Alone;
+use pellucid::core::{Fault, Team};
+use pellucid::dataset::{Prints, Recipe, Shard, StreamOptions};
 use pellucid::rpnn::Precision;
 use pellucid::rpnn::train::{Score, TrainSettings, Trainer};
 use pellucid::rpnn::transform::{InputForm, LevelOrder};
@@ -191,23 +193,48 @@ impl Format {
 
 /// Runs the command.
 pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
+    let alone: Arc<dyn Team> = Arc::new(Alone);
+    train_as(args, &alone, cancel)
+}
+
+/// `pellucid train` as a member of a team, each of whom makes samples of volumes of its own and their gradient. The first
+/// one validates and writes.
+///
+/// # Errors
+/// [`Failure`], as a message for the user.
+pub fn run_in(args: &Args, team: &Arc<dyn Team>) -> Result<(), Failure> {
+    if team.size() > 1 && args.minutes.is_some() {
+        return Err(Failure::message("--minutes: every process has a clock of its own; say --steps"));
+    }
+    train_as(args, team, &AtomicBool::new(false))
+}
+
+fn train_as(args: &Args, team: &Arc<dyn Team>, cancel: &AtomicBool) -> Result<(), Failure> {
     let control = &Control::none().with_cancel(cancel);
     let set = match &args.recipe {
         None => TrainingSet::stored(&args.stored)?,
         Some(recipe) => TrainingSet::of_recipe(Recipe::read(recipe)?, &args.split, MaterialTable::cmykw())?
             .with_prints(prints(args, control)?),
     };
-    let mut trainer = start_or_resume(args)?.with_engine(args.engine.network())?;
-    let defaults = set.options(trainer.settings().batch, trainer.settings().seed)?;
+    let trainer = start_or_resume(args)?.with_engine(args.engine.network())?;
+    let mut trainer = trainer.with_team(Arc::clone(team))?;
+    // All have read the checkpoint before the first member writes another.
+    team.sum(&mut [0]);
+    let defaults = set.options(trainer.samples_a_step(), trainer.settings().seed)?;
+    let share = Shard::new(team.rank() as u32, team.size() as u32)?;
     let options = StreamOptions {
         window: args.window,
         passes: args.passes,
         points: args.points.unwrap_or(defaults.points),
         spp: args.spp.unwrap_or(defaults.spp),
         threads: args.threads,
+        share,
         ..defaults
     };
     let header = set.header().clone();
+    if team.rank() != 0 {
+        return Ok(training::follow(&mut trainer, set.into_stream(options)?, control)?);
+    }
     let validation = (args.validation != "none")
         .then(|| validation_set(&args.validation, &header, control))
         .transpose()?;

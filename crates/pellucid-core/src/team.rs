@@ -25,7 +25,7 @@ pub trait Team: std::fmt::Debug + Send + Sync {
     fn gather(&self, own: &[f32], counts: &[usize], all: &mut [f32]);
 
     /// Replaces the bytes by those of member 0.
-    fn from_first(&self, bytes: &mut Vec<u8>);
+    fn copy_first(&self, bytes: &mut Vec<u8>);
 }
 
 /// A team of one: nothing is shared out.
@@ -47,7 +47,7 @@ impl Team for Alone {
         all.copy_from_slice(own);
     }
 
-    fn from_first(&self, _: &mut Vec<u8>) {}
+    fn copy_first(&self, _: &mut Vec<u8>) {}
 }
 
 /// Whether every member has the same bytes. Where they differ by chance, it is found but in one of 2^62 cases.
@@ -193,7 +193,7 @@ impl Team for Threads {
         });
     }
 
-    fn from_first(&self, bytes: &mut Vec<u8>) {
+    fn copy_first(&self, bytes: &mut Vec<u8>) {
         if self.rank == 0 {
             *locked(&self.table.first) = bytes.clone();
         }
@@ -214,7 +214,7 @@ mod tests {
             // 0, 1 and 2 values.
             team.gather(&vec![rank as f32; rank], &[0, 1, 2], &mut gathered);
             let mut bytes = vec![rank as u8; 2 - rank];
-            team.from_first(&mut bytes);
+            team.copy_first(&mut bytes);
             let same = agree(&team, b"same");
             (gathered, bytes, same, agree(&team, &[(rank == 1) as u8]))
         });

@@ -48,7 +48,7 @@ pub mod volume;
 pub use error::DatasetError;
 pub use labels::{
     Errors, HalfStencils, Judgement, LabelledSet, Labelling, STENCIL_VALUES, Sampler, Samples, SetHeader,
-    SetInfo, Shard, StoredVolumes, generate, info, judge, verify,
+    SetInfo, Shard, StoredVolumes, generate, info, join, judge, verify,
 };
 pub use recipe::{Halftone, Neighbours, OtherInks, Pale, Recipe, ShapeClass, Split};
 pub use stream::{Prints, Stream, StreamOptions};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use pellucid_dataset::{
     DatasetError, Errors, Halftone, Judgement, LabelledSet, Recipe, STENCIL_VALUES, SetHeader, ShapeClass,
-    Shard, Split, generate, info, judge, verify,
+    Shard, Split, generate, info, join, judge, verify,
 };
 use pellucid_stencil::FirstFlight;
 use pellucid_voxel::{Control, MaterialTable, Pitch};
@@ -66,6 +66,22 @@ fn shards_together_are_the_whole() {
     assert!(LabelledSet::load(&[&whole, &parts[0]], &none()).is_err());
     assert!(LabelledSet::load::<&Path>(&[], &none()).is_err());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "no temporary file stays");
+}
+
+#[test]
+fn joined_parts_have_the_bytes_of_the_whole() {
+    let [folder, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let whole = std::fs::read(generate(other.path(), &header(Shard::WHOLE), &none()).unwrap()).unwrap();
+    let part = |i| generate(folder.path(), &header(Shard::new(i, 3).unwrap()), &none()).unwrap();
+    let last = [2, 0, 1].map(part)[0].clone();
+    std::fs::rename(&last, last.with_extension("away")).unwrap();
+    assert!(join(folder.path(), &header(Shard::WHOLE), 3).is_err(), "a part is missing");
+    std::fs::rename(last.with_extension("away"), &last).unwrap();
+    for _ in 0..2 {
+        let joined = join(folder.path(), &header(Shard::WHOLE), 3).unwrap();
+        assert!(std::fs::read(joined).unwrap() == whole);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "parts are removed");
+    }
 }
 
 #[test]

@@ -56,6 +56,15 @@ fn batch(stream: &mut Stream, index: u64) -> (Vec<f32>, Vec<FirstFlight>, Vec<f3
 }
 
 #[test]
+fn sharers_have_volumes_of_their_own() {
+    let share = |index| StreamOptions { share: Shard::new(index, 2).unwrap(), ..options() };
+    let [first, second] = [0, 1].map(|index| batch(&mut stream(share(index)), 0).2);
+    let alone = batch(&mut stream(options()), 0).2;
+    assert!(first != second && first != alone && second != alone);
+    assert!(batch(&mut stream(share(1)), 0).2 == second);
+}
+
+#[test]
 fn a_batch_depends_on_its_index_only() {
     let mut in_order = stream(options());
     let count = 5 * in_order.batches_per_window();

@@ -1,7 +1,9 @@
 //! Training runs from start to end on a synthetic source.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
+use pellucid_core::team::{Team, Threads};
 use pellucid_rpnn::train::{Batch, SampleSource, TrainSettings, Trainer};
 use pellucid_rpnn::variant::{FirstFlight, INPUTS};
 use pellucid_rpnn::{Precision, RpnnError, Variant};
@@ -36,6 +38,55 @@ impl SampleSource for Uniform {
 
 fn settings(variant: Variant, steps: u64, precision: Precision) -> TrainSettings {
     TrainSettings { variant, steps, warm_up: steps / 5, batch: 16, precision, ..Default::default() }
+}
+
+/// A member's part of every batch of [`Uniform`].
+struct Part<'a>(&'a dyn Team);
+
+impl SampleSource for Part<'_> {
+    fn batch(
+        &mut self,
+        index: u64,
+        batch: Batch<'_>,
+    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        let whole = batch.radiance.len() * self.0.size();
+        let (mut stencils, mut radiance) = (vec![0.0; whole * INPUTS], vec![0.0; whole]);
+        let mut flights = vec![FirstFlight::default(); whole];
+        let all = Batch { stencils: &mut stencils, flights: &mut flights, radiance: &mut radiance };
+        Uniform.batch(index, all)?;
+        let first = self.0.rank() * batch.radiance.len();
+        batch.stencils.copy_from_slice(&stencils[first * INPUTS..][..batch.stencils.len()]);
+        batch.flights.copy_from_slice(&flights[first..][..batch.radiance.len()]);
+        batch.radiance.copy_from_slice(&radiance[first..][..batch.radiance.len()]);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_team_takes_the_steps_of_one_and_its_members_stay_together() {
+    let settings = settings(Variant::SharedLevels, 3, Precision::F32);
+    let mut alone = Trainer::new(settings.clone()).unwrap();
+    let expected: Vec<_> = (0..3).map(|_| alone.step(&mut Uniform).unwrap()).collect();
+    let together = || {
+        Threads::run(4, |team| {
+            let mut trainer =
+                Trainer::new(settings.clone()).unwrap().with_team(Arc::new(team.clone())).unwrap();
+            assert_eq!(trainer.samples_a_step(), 4);
+            let reports: Vec<_> = (0..3).map(|_| trainer.step(&mut Part(&team)).unwrap()).collect();
+            (trainer.weights().clone(), reports)
+        })
+    };
+    let members = together();
+    assert!(members.iter().all(|member| *member == members[0]) && members == together());
+    // But for the order of additions.
+    for (step, alone) in members[0].1.iter().zip(&expected) {
+        assert!((step.loss / alone.loss - 1.0).abs() < 1e-4, "{step:?} {alone:?}");
+        assert!((step.gradient_norm / alone.gradient_norm - 1.0).abs() < 1e-3, "{step:?} {alone:?}");
+    }
+    let uneven = Threads::run(3, |team| {
+        Trainer::new(settings.clone()).unwrap().with_team(Arc::new(team)).unwrap_err().to_string()
+    });
+    assert!(uneven[0].contains("16 samples cannot be shared by 3"), "{uneven:?}");
 }
 
 #[test]

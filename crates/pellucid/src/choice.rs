@@ -182,7 +182,7 @@ impl PrintJob {
     /// The choice of a team's first member: times differ from one to the next.
     fn as_the_first(&self, own: Choice) -> Result<Choice, PrintError> {
         let mut bytes = serde_json::json!(own).to_string().into_bytes();
-        self.team().from_first(&mut bytes);
+        self.team().copy_first(&mut bytes);
         serde_json::from_slice(&bytes)
             .map_err(|e| PrintError::invalid("choice of the team", pellucid_core::json::plain(&e)))
     }

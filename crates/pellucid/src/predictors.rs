@@ -97,13 +97,16 @@ pub(crate) fn network(
     Ok(Arc::new(Shared::new(network, Arc::clone(team))))
 }
 
+/// Makes a predictor of settings, whose work a team shares out.
+pub(crate) type Make = fn(&PrintSettings, &Arc<dyn Team>) -> Result<Arc<dyn Predictor>, PrintError>;
+
 /// What `make` makes of the settings by means of the network, if that was trained for such an object; else why it does not
 /// fit.
 pub(crate) fn fitting(
     settings: &PrintSettings,
     object: &Object,
     team: &Arc<dyn Team>,
-    make: fn(&PrintSettings, &Arc<dyn Team>) -> Result<Arc<dyn Predictor>, PrintError>,
+    make: Make,
 ) -> Result<Result<Arc<dyn Predictor>, Fault>, PrintError> {
     let made = || {
         let made = make(settings, team)?;

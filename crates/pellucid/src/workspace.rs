@@ -98,7 +98,7 @@ impl Workspace {
             bytes.push(0);
             bytes
         });
-        self.team.from_first(&mut message);
+        self.team.copy_first(&mut message);
         Ok(message.pop().map(|_| message))
     }
 

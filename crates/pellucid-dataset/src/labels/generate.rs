@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use pellucid_core::FileError;
+use pellucid_core::{FileError, files};
 use pellucid_trace::Boundary;
 use pellucid_voxel::Control;
 
@@ -59,6 +59,42 @@ pub fn generate(folder: &Path, header: &SetHeader, control: &Control<'_>) -> Res
         control.report(done as u64, total);
     }
     file.sync_all().and_then(|()| std::fs::rename(&partial, &path)).map_err(io)?;
+    Ok(path)
+}
+
+/// Makes the file of a whole set, byte for byte as [`generate`] does, of the files of its `parts` parts in `folder`, and
+/// removes those; returns its path. A finished file of the same header is left as it is.
+///
+/// # Errors
+/// As [`generate`], where a part is missing as well.
+pub fn join(folder: &Path, whole: &SetHeader, parts: u32) -> Result<PathBuf, DatasetError> {
+    let whole = SetHeader { shard: Shard::WHOLE, ..whole.clone() };
+    whole.check()?;
+    let path = folder.join(file_name(&whole.split, Shard::WHOLE));
+    if path.exists() {
+        check_same(&path, &set_file::read(&path)?, &whole)?;
+        return Ok(path);
+    }
+    let mut files = Vec::new();
+    let mut records = Vec::new();
+    for index in 0..parts {
+        let header = SetHeader { shard: Shard::new(index, parts)?, ..whole.clone() };
+        let file = folder.join(file_name(&header.split, header.shard));
+        let there = set_file::read(&file)?;
+        check_same(&file, &there, &header)?;
+        check_complete(&file, &there)?;
+        records.extend(there.records);
+        files.push(file);
+    }
+    records.sort_by_key(|record| record.volume);
+    let header = whole.bytes()?;
+    files::write_whole(&path, |out| {
+        out.write_all(&header)?;
+        records.iter().try_for_each(|record| out.write_all(&record.bytes()))
+    })?;
+    for file in &files {
+        std::fs::remove_file(file).map_err(FileError::at("remove", file))?;
+    }
     Ok(path)
 }
 

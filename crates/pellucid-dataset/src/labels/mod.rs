@@ -18,7 +18,7 @@ mod set;
 mod set_file;
 mod stored;
 
-pub use generate::{SetInfo, file_name, generate, info, verify};
+pub use generate::{SetInfo, file_name, generate, info, join, verify};
 pub use half_stencils::{HalfStencils, STENCIL_VALUES};
 pub use judge::{Errors, Judgement, judge};
 pub(crate) use samples::permutation;

@@ -78,7 +78,9 @@ pub(super) fn make_block(
         .enumerate()
         .try_for_each(|(i, ((stencils, flights), radiance))| {
             control.check()?;
-            let made = source.samples(block * volumes + i as u64, options, control)?;
+            let volume = (block * volumes + i as u64) * u64::from(options.share.count)
+                + u64::from(options.share.index);
+            let made = source.samples(volume, options, control)?;
             stencils.copy_from_slice(made.0.values());
             flights.copy_from_slice(&made.1);
             radiance.copy_from_slice(&made.2);

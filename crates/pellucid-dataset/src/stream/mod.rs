@@ -214,7 +214,8 @@ impl Stream {
             ));
         }
         let window = index / self.per_window;
-        if (window + 3).saturating_mul(u64::from(self.options.window / 2)) > u64::from(u32::MAX) {
+        let volumes = u64::from(self.options.window / 2) * u64::from(self.options.share.count);
+        if (window + 3).saturating_mul(volumes) > u64::from(u32::MAX) {
             return Err(DatasetError::invalid("batch", format!("{index} lies past volume 2^32")));
         }
         self.hold(window, control)?;

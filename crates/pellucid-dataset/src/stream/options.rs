@@ -2,7 +2,7 @@
 
 use pellucid_trace::Boundary;
 
-use crate::DatasetError;
+use crate::{DatasetError, Shard};
 
 /// What a stream consists of.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +23,8 @@ pub struct StreamOptions {
     pub seed: u64,
     /// Threads that make samples in the background.
     pub threads: usize,
+    /// Which of the volumes: every one of that remainder, where several trainers share them.
+    pub share: Shard,
 }
 
 impl Default for StreamOptions {
@@ -37,6 +39,7 @@ impl Default for StreamOptions {
             boundary: Boundary::default(),
             seed: 0,
             threads: 1,
+            share: Shard::WHOLE,
         }
     }
 }
@@ -57,6 +60,7 @@ impl StreamOptions {
         if let Some((field, _)) = positive.iter().find(|(_, n)| *n == 0) {
             return Err(DatasetError::invalid(*field, "must be at least 1"));
         }
+        Shard::new(self.share.index, self.share.count)?;
         if self.window < 2 || !self.window.is_multiple_of(2) {
             return Err(DatasetError::invalid("window", format!("{}; it must be even", self.window)));
         }

@@ -10,5 +10,7 @@ mod set;
 
 pub use error::TrainingError;
 pub use judge::judge_network;
-pub use run::{CURVE_FILE, Outcome, RunSettings, STATE_FILE, UNPLANNED_STEPS, WEIGHTS_FILE, run, validate};
+pub use run::{
+    CURVE_FILE, Outcome, RunSettings, STATE_FILE, UNPLANNED_STEPS, WEIGHTS_FILE, follow, run, validate,
+};
 pub use set::{TrainingSet, provenance, validation_set};

@@ -97,6 +97,16 @@ pub fn run(
     Ok(Outcome::Finished)
 }
 
+/// Trains to the end as one of the other members of a team ([`Trainer::with_team`]), whose first one is in [`run`]: that one
+/// keeps the run and validates.
+///
+/// # Errors
+/// [`TrainingError`] of the stream or the trainer.
+pub fn follow(trainer: &mut Trainer, stream: Stream, control: &Control<'_>) -> Result<(), TrainingError> {
+    let mut source = Source { stream, control: control.silent() };
+    Ok(trainer.run(&mut source, |_, _| Ok(ControlFlow::Continue(())))?)
+}
+
 /// Error of a trainer's averaged weights on a labelled set.
 ///
 /// # Errors

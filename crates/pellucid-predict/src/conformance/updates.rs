@@ -15,7 +15,7 @@ use crate::{Changed, PredictError, Predictor};
 pub fn updates(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> {
     let trial = Trial { check: "updates", predictor, case };
     let none = Control::none();
-    let (second, from_first) = case.changed(&case.labels, 1);
+    let (second, copy_first) = case.changed(&case.labels, 1);
     let (third, from_second) = case.changed(&second, 2);
     let expected = [&case.labels, &second, &third]
         .map(|labels| trial.fresh(labels).and_then(|bound| trial.values(&*bound)));
@@ -27,7 +27,7 @@ pub fn updates(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> 
     trial.same("a first update of no tiles", &first_values, &trial.values(&*told)?)?;
     let mut untold = trial.fresh(&case.labels)?;
     for (labels, tiles, values) in
-        [(&second, &from_first, &second_values), (&third, &from_second, &third_values)]
+        [(&second, &copy_first, &second_values), (&third, &from_second, &third_values)]
     {
         trial.worked("an update of tiles", told.update(labels, Changed::Tiles(tiles), &none))?;
         trial.same("told which tiles changed", values, &trial.values(&*told)?)?;
@@ -40,7 +40,7 @@ pub fn updates(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation> 
     trial.worked("an update", told.update(&case.labels, Changed::Unknown, &none))?;
     trial.same("back at the first labels", &first_values, &trial.values(&*told)?)?;
     let stop = AtomicBool::new(true);
-    let stopped = told.update(&second, Changed::Tiles(&from_first), &none.with_cancel(&stop));
+    let stopped = told.update(&second, Changed::Tiles(&copy_first), &none.with_cancel(&stop));
     trial.ensure(
         matches!(stopped, Err(PredictError::Cancelled)),
         format!("a cancelled update gave {stopped:?}"),

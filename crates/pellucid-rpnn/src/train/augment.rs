@@ -53,9 +53,9 @@ impl Augment {
         std::iter::repeat_with(move || if mirror { (rng.next_u64() >> 61) as usize } else { 0 })
     }
 
-    /// Transforms and mirrors the samples of a step in place; `stencils` is `[sample][2430]`.
-    pub fn apply(&mut self, step: u64, stencils: &mut [f32]) {
-        let axes = self.axes(step);
+    /// Transforms and mirrors samples of a step, from number `first` on, in place; `stencils` is `[sample][2430]`.
+    pub fn apply(&mut self, step: u64, first: usize, stencils: &mut [f32]) {
+        let axes = self.axes(step).skip(first);
         for (sample, axes) in stencils.as_chunks_mut::<INPUTS>().0.iter_mut().zip(axes) {
             self.form.apply(sample);
             if axes == 0 {
@@ -83,9 +83,9 @@ mod tests {
         let mut augment = Augment::new(InputForm::default(), true, 5);
         let raw: Vec<f32> = (0..64 * INPUTS).map(|i| (i * 7919 % 10_007) as f32).collect();
         let mut plain = raw.clone();
-        Augment::new(InputForm::default(), false, 5).apply(3, &mut plain);
-        let mut mirrored = raw;
-        augment.apply(3, &mut mirrored);
+        Augment::new(InputForm::default(), false, 5).apply(3, 0, &mut plain);
+        let mut mirrored = raw.clone();
+        augment.apply(3, 0, &mut mirrored);
         let mut seen = [0; 8];
         for ((p, m), axes) in
             plain.chunks_exact(INPUTS).zip(mirrored.chunks_exact(INPUTS)).zip(augment.axes(3))
@@ -100,6 +100,9 @@ mod tests {
             }
         }
         assert!(seen.iter().all(|&n| n > 0), "{seen:?}");
+        let mut later = raw[5 * INPUTS..].to_vec();
+        augment.apply(3, 5, &mut later);
+        assert_eq!(later, mirrored[5 * INPUTS..]);
         let axes = |step| augment.axes(step).take(64).collect::<Vec<_>>();
         assert_eq!(axes(3), axes(3));
         assert_ne!(axes(3), axes(4));

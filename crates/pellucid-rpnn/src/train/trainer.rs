@@ -1,7 +1,11 @@
 //! The state of a training run and its steps.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
+
+use pellucid_core::Team;
+use pellucid_core::team::Alone;
 
 use super::augment::Augment;
 use super::engine::Passes;
@@ -50,6 +54,7 @@ pub struct Trainer {
     augment: Augment,
     /// Made by the first step: it takes memory for a whole batch, and a checkpoint's word is not enough for that.
     work: Option<Box<Work>>,
+    team: Arc<dyn Team>,
 }
 
 /// What a step works with.
@@ -86,6 +91,26 @@ impl Work {
         };
         Ok(Self { passes: Passes::new(engine, settings)?, buffers })
     }
+}
+
+/// Makes a member's gradient the team's, added up in the order of ranks, and so the squared errors, which go along.
+fn all_squares(team: &dyn Team, gradient: &mut [f32], squares: f64) -> f64 {
+    if team.size() == 1 {
+        return squares;
+    }
+    let bits = squares.to_bits();
+    let halves = [bits as u32, (bits >> 32) as u32].map(f32::from_bits);
+    let own = [&*gradient, &halves].concat();
+    let mut all = vec![0.0; team.size() * own.len()];
+    team.gather(&own, &vec![own.len(); team.size()], &mut all);
+    gradient.fill(0.0);
+    let mut sum = 0.0;
+    for of_member in all.chunks_exact(own.len()) {
+        let (values, halves) = of_member.split_at(gradient.len());
+        gradient.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        sum += f64::from_bits(u64::from(halves[0].to_bits()) | u64::from(halves[1].to_bits()) << 32);
+    }
+    sum
 }
 
 /// What a checkpoint keeps beside the settings.
@@ -137,8 +162,30 @@ impl Trainer {
             engine: Engine::Own,
             augment,
             work: None,
+            team: Arc::new(Alone),
         };
         trainer.with_engine(Engine::Own)
+    }
+
+    /// The same run as a member of a team, each of whom makes the same steps on its own part of every batch: its source
+    /// gives [`Trainer::samples_a_step`] samples, other ones than the other members' do. Gradients are added up in the order
+    /// of ranks, so the members' weights stay the same, and a team of as many members comes to the same bytes. The
+    /// settings, a checkpoint too, are those of the whole.
+    ///
+    /// # Errors
+    /// [`RpnnError::Invalid`] when a batch cannot be shared out evenly.
+    pub fn with_team(mut self, team: Arc<dyn Team>) -> Result<Self, RpnnError> {
+        if !self.settings.batch.is_multiple_of(team.size()) {
+            let reason = format!("{} samples cannot be shared by {}", self.settings.batch, team.size());
+            return Err(RpnnError::invalid("batch", reason));
+        }
+        (self.team, self.work) = (team, None);
+        Ok(self)
+    }
+
+    /// Samples that this member's source gives a step: all of a batch, unless there is a team.
+    pub fn samples_a_step(&self) -> usize {
+        self.settings.batch / self.team.size()
     }
 
     /// The same run on another engine. Checkpoints do not name it: a run may be resumed on either.
@@ -222,7 +269,10 @@ impl Trainer {
     pub fn step(&mut self, source: &mut dyn SampleSource) -> Result<StepReport, RpnnError> {
         let mut work = match self.work.take() {
             Some(work) => work,
-            None => Box::new(Work::new(self.engine, &self.settings, self.weights.values().len())?),
+            None => {
+                let own = TrainSettings { batch: self.samples_a_step(), ..self.settings.clone() };
+                Box::new(Work::new(self.engine, &own, self.weights.values().len())?)
+            }
         };
         let report = self.step_with(&mut work, source);
         self.work = Some(work);
@@ -236,7 +286,8 @@ impl Trainer {
         source
             .batch(index, Batch { stencils: &mut b.inputs, flights: &mut b.flights, radiance })
             .map_err(|source| RpnnError::Source { batch: index, source })?;
-        self.augment.apply(index, &mut b.inputs);
+        let first = self.team.rank() * b.labels.len();
+        self.augment.apply(index, first, &mut b.inputs);
         passes.forward(&self.weights, &b.inputs, &mut b.outputs)?;
         head.radiance(&b.outputs, &b.flights, &mut b.radiance);
         let scale = 2.0 / self.settings.batch as f32;
@@ -246,13 +297,13 @@ impl Trainer {
             squares += f64::from(difference).powi(2);
             *d = scale * difference;
         }
-        let loss = squares / self.settings.batch as f64;
-        if !loss.is_finite() {
+        if !squares.is_finite() {
             return Err(RpnnError::invalid(format!("batch {index}"), "a radiance is not finite"));
         }
         head.derivatives(&b.radiance, &b.d_radiance, &b.flights, &mut b.d_outputs);
         b.gradient.fill(0.0);
         passes.backward(&b.d_outputs, &mut b.gradient)?;
+        let loss = all_squares(&*self.team, &mut b.gradient, squares) / self.settings.batch as f64;
         let rate = self.settings.rate(index);
         let gradient_norm = self.optimiser.step(self.weights.values_mut(), &b.gradient, rate)?;
         self.pending = (self.pending.0 + loss, self.pending.1 + 1);
