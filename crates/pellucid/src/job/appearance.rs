@@ -27,7 +27,7 @@ pub(super) fn pictured<'a>(
 }
 
 /// Values that are predicted at a time: many bands of a large surface would take hundreds of bytes a voxel more.
-const PART_VALUES: usize = 1 << 18;
+const PART_VALUES: usize = 1 << 20;
 
 /// Labels as they look.
 pub(super) struct Appearance {
