@@ -27,11 +27,13 @@ sum() { awk -v key="$2" '$1 == key { s += $2 } END { printf "%d", s }' "$work/ru
 last() { awk -v key="$2" '$1 == key { s = $2 } END { printf "%d", s }' "$work/runs/$1"; }
 
 build() {
+    # One lock for both workspaces: what only this one needs is added to a copy.
+    cp ../../Cargo.lock .
     # As cargo-fuzz sets them.
     local arguments="-sanitizer-coverage-level=4 -sanitizer-coverage-inline-8bit-counters -sanitizer-coverage-pc-table \
 -sanitizer-coverage-trace-compares -simplifycfg-branch-fold-threshold=0"
     RUSTFLAGS="-Cpasses=sancov-module $(printf -- '-Cllvm-args=%s ' $arguments)-Zsanitizer=address -Cdebug-assertions \
---cfg fuzzing" cargo build --quiet --release --locked --target "$host"
+--cfg fuzzing" cargo build --quiet --release --target "$host"
 }
 
 # Runs a target for some seconds and notes what came of it.

@@ -3,6 +3,7 @@
 
 mod plate;
 
+use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,7 +41,7 @@ enum Command {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let Some((universe, _)) = mpi::initialize_with_threading(Threading::Funneled) else {
-        eprintln!("error: MPI cannot be started");
+        tell("error: MPI cannot be started");
         return ExitCode::FAILURE;
     };
     let world = Arc::new(World::of(&universe));
@@ -49,7 +50,7 @@ fn main() -> ExitCode {
         pellucid_cli::quiet();
     }
     let result = match cli.command {
-        Command::Prepare(args) => plate::run(&args, &team),
+        Command::Prepare(args) => plate::run(&args, &team, tell),
         Command::Dataset(args) => pellucid_cli::generate_in(&args, &*team),
         Command::Train(args) => pellucid_cli::train_in(&args, &team),
     };
@@ -66,7 +67,7 @@ fn main() -> ExitCode {
         Failure::Cancelled(rest) => (format!("cancelled; {rest}"), 130),
         Failure::Error(text) => (text, 1),
     };
-    eprintln!("error: rank {}: {text}", team.rank());
+    tell(&format!("error: rank {}: {text}", team.rank()));
     world.abort(status)
 }
 
@@ -74,12 +75,17 @@ fn main() -> ExitCode {
 fn tell_traffic(world: &World) {
     let traffic = world.traffic();
     let work = process_time().map_or(f64::NAN, |all| all.saturating_sub(traffic.processor).as_secs_f64());
-    eprintln!(
+    tell(&format!(
         "traffic: rank {} of {}: {} meetings, {} bytes, {:.3} s in them; {work:.3} s of processor time besides",
         world.rank(),
         world.size(),
         traffic.meetings,
         traffic.bytes,
         traffic.wall.as_secs_f64()
-    );
+    ));
+}
+
+/// A line on standard error, if anybody listens.
+fn tell(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }

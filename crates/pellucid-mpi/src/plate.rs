@@ -19,8 +19,8 @@ pub struct Args {
     more: Vec<PathBuf>,
 }
 
-/// Runs the command.
-pub fn run(args: &Args, team: &Arc<dyn Team>) -> Result<(), Failure> {
+/// Runs the command; `tell` gets a line for every model that was not prepared, at once.
+pub fn run(args: &Args, team: &Arc<dyn Team>, tell: fn(&str)) -> Result<(), Failure> {
     if args.more.is_empty() {
         return prepare_in(&args.one, team);
     }
@@ -32,7 +32,7 @@ pub fn run(args: &Args, team: &Arc<dyn Team>) -> Result<(), Failure> {
     for job in jobs.iter().skip(team.rank()).step_by(team.size()) {
         if let Err(failure) = one(job, &alone) {
             let (Failure::Cancelled(text) | Failure::Error(text)) = failure;
-            eprintln!("error: {}: {text}", job.model().display());
+            tell(&format!("error: {}: {text}", job.model().display()));
             failed += 1;
         }
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use pellucid_core::team::Alone;
 use pellucid_core::{Control, Team};
 use pellucid_voxel::LabelGrid;
 
@@ -89,7 +90,7 @@ impl BoundPredictor for BoundBoth {
         out: &mut dyn MaterialGradient,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
-        self.gradient.pullback(points, draw, d_radiance, out, control)
+        self.pullback_in(&Alone, points, draw, d_radiance, out, control)
     }
 
     fn pullback_in(

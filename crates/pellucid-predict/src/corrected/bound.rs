@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use pellucid_core::team::Alone;
 use pellucid_core::{Control, Domain, Team, random};
 use pellucid_voxel::LabelGrid;
 use rayon::prelude::*;
@@ -214,10 +215,7 @@ impl BoundPredictor for BoundCorrected {
         out: &mut dyn MaterialGradient,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
-        if !self.current {
-            return Err(PredictError::before_update());
-        }
-        self.fast.pullback(points, draw, d_radiance, out, control)
+        self.pullback_in(&Alone, points, draw, d_radiance, out, control)
     }
 
     fn pullback_in(
