@@ -6,6 +6,9 @@ use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage,
+};
 use pellucid::dataset::{Recipe, SetHeader, Shard, generate};
 use pellucid::rpnn::{SHIPPED, Variant, train::TrainSettings, train::Trainer};
 use pellucid::slice::{Container, ExportSettings, PrintTarget, export};
@@ -17,6 +20,7 @@ type Result<T = ()> = std::result::Result<T, Box<dyn Error>>;
 
 fn main() -> Result {
     slices()?;
+    spectral()?;
     documents()?;
     refinements()?;
     states()
@@ -62,6 +66,20 @@ fn slices() -> Result {
                 other => seed(other.name(), name, fs::read(out.join(other.files()))?)?,
             }
         }
+    }
+    Ok(())
+}
+
+/// Spectral images of three bands beside a preview, as they are and compressed.
+fn spectral() -> Result {
+    for (name, encoding) in [("plain", Encoding::UNCOMPRESSED), ("zip", Encoding::SMALL_LOSSLESS)] {
+        let plane = |k: usize| FlatSamples::F32((0..6).map(|i| ((i + k) % 5) as f32 / 4.0).collect());
+        let names = ["T.400,000nm", "550nm", "700", "R", "G", "B"];
+        let channels = names.iter().enumerate().map(|(k, &name)| AnyChannel::new(name, plane(k))).collect();
+        let layer = Layer::new((3, 2), LayerAttributes::named(""), encoding, AnyChannels::sort(channels));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        Image::from_layer(layer).write().to_buffered(&mut bytes)?;
+        seed("spectral", name, bytes.into_inner())?;
     }
     Ok(())
 }

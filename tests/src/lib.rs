@@ -2,7 +2,10 @@
 
 pub mod readers;
 
-use pellucid::mesh::{BaseColor, Model, Triangle, Vertex};
+use pellucid::PrintSettings;
+use pellucid::color::spectrum::Illuminant;
+use pellucid::mesh::{BaseColor, Model, Scale, Triangle, Vertex};
+use pellucid::refine::Effort;
 use pellucid::voxel::{Channels, LabelGrid, Material, MaterialTable};
 
 /// A ball of 6 mm with patches of two vertex colours, about 32 x 16 faces: closed and oriented.
@@ -76,6 +79,24 @@ pub fn spectral_cmykw() -> MaterialTable {
         .collect();
     let channels = Channels::Bands { start_nm: 400.0, step_nm: 10.0, count: 31 };
     MaterialTable::over(channels, materials).expect("the table is valid")
+}
+
+/// As few paths, points and iterations as a print under several lights can do with.
+pub fn lit_settings(height_mm: f64, materials: MaterialTable, also_under: &[Illuminant]) -> PrintSettings {
+    let mut settings = PrintSettings {
+        scale: Scale::HeightMm(height_mm),
+        materials,
+        also_under: also_under.to_vec(),
+        spp: Some(2),
+        judge: Effort { points: 20, point_passes: 2, surface_passes: 2 },
+        judge_spp: 2,
+        judge_point_spp: 8,
+        proof_edge: 16,
+        ..PrintSettings::default()
+    };
+    settings.refine.iterations = Some(1);
+    settings.descent.opening_steps = 1;
+    settings
 }
 
 /// The Rust of the guide, compiled and run by the tests.

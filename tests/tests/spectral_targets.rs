@@ -6,11 +6,10 @@ use pellucid::color::plane_parallel::Solver;
 use pellucid::color::spectrum::Illuminant;
 use pellucid::color::upsampling::Upsampling;
 use pellucid::job::Aimed;
-use pellucid::mesh::{BaseColor, Image, Model, Sampler, Scale, SpectralImage, Texture, Vertex};
-use pellucid::refine::Effort;
+use pellucid::mesh::{BaseColor, Image, Model, Sampler, SpectralImage, Texture, Vertex};
 use pellucid::voxel::MaterialTable;
 use pellucid::{Monitor, PrintError, PrintJob, PrintSettings, Workspace};
-use pellucid_tests::{patched_ball, spectral_cmykw};
+use pellucid_tests::{lit_settings, patched_ball, spectral_cmykw};
 
 /// Red light comes back from one half, as a sharp filter's; the other is grey.
 fn sharp(nm: f64) -> f32 {
@@ -43,20 +42,7 @@ fn ball() -> Model {
 }
 
 fn settings() -> PrintSettings {
-    let mut settings = PrintSettings {
-        scale: Scale::HeightMm(1.2),
-        materials: spectral_cmykw(),
-        also_under: vec![Illuminant::A],
-        spp: Some(2),
-        judge: Effort { points: 20, point_passes: 2, surface_passes: 2 },
-        judge_spp: 2,
-        judge_point_spp: 8,
-        proof_edge: 16,
-        ..PrintSettings::default()
-    };
-    settings.refine.iterations = Some(1);
-    settings.descent.opening_steps = 1;
-    settings
+    lit_settings(1.2, spectral_cmykw(), &[Illuminant::A])
 }
 
 fn aimed(settings: PrintSettings) -> Aimed {
@@ -69,6 +55,7 @@ fn white(table: &MaterialTable) -> Vec<f64> {
     Solver::new(1.5).unwrap().thick_block(white).unwrap()
 }
 
+/// Within what 16 bits a reflectance and the solver's own rounding make of a colour, many times over.
 fn near(a: [f32; 3], b: [f32; 3]) -> bool {
     a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3)
 }

@@ -10,10 +10,8 @@ use pellucid_core::Digest;
 use pellucid_voxel::{Control, Surface};
 use rayon::prelude::*;
 
-use crate::{Image, MeshError, Model, PlacedMesh, Texture};
-
-/// Voxels that one task handles.
-const CHUNK: usize = 4096;
+use crate::target::CHUNK;
+use crate::{BaseColor, Image, MeshError, Model, PlacedMesh, Sampler, Texture};
 
 /// An image of reflectances by wavelength that takes the place of a model's texture, on the same UV map. Kept in 16 bits a
 /// value.
@@ -161,8 +159,8 @@ impl PlacedMesh<'_> {
 
 impl Model {
     /// How each material's texture is sampled.
-    fn samplers(&self, image: &SpectralImage) -> Result<Vec<crate::Sampler>, MeshError> {
-        let sampler = |(i, material): (usize, &crate::BaseColor)| match material.texture {
+    fn samplers(&self, image: &SpectralImage) -> Result<Vec<Sampler>, MeshError> {
+        let sampler = |(i, material): (usize, &BaseColor)| match material.texture {
             Some(texture) => Ok(self.textures()[texture as usize].sampler()),
             None => Err(MeshError::invalid(
                 self.name(),

@@ -11,7 +11,7 @@ use crate::thickness::patch_area_mm2;
 use crate::{MeshError, Model, PlacedMesh, Placement};
 
 /// Voxels that one task handles.
-const CHUNK: usize = 4096;
+pub(crate) const CHUNK: usize = 4096;
 
 /// Linear RGB of every surface voxel, in the surface's order: the texture at the nearest point of
 /// the mesh that shows, averaged over the patch of surface that the voxel shows.

@@ -41,7 +41,7 @@ macro_rules! readers {
 }
 
 readers! {
-    models: gltf, icc, obj, picture, ply, stl, threemf;
+    models: gltf, icc, obj, picture, ply, spectral, stl, threemf;
     slices: gcvf, manifest, npy, nrrd, png_stack;
     documents: cases, materials, measurements, printer, recipe, settings;
     states: grid, job_record, refinement, run, set, weights;

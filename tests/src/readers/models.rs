@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use pellucid::mesh::import::IccProfile;
-use pellucid::mesh::{ImportLimits, ImportOptions, Model};
+use pellucid::mesh::{ImportLimits, ImportOptions, Model, SpectralImage};
 
 use super::{Outcome, folder};
 
@@ -85,6 +85,15 @@ pub fn picture(bytes: &[u8]) -> Outcome {
     fs::write(folder.path().join("m.mtl"), MATERIAL)?;
     fs::write(folder.path().join("t.png"), bytes)?;
     import("a.obj", TRIANGLE.as_bytes(), Some(folder.path()))
+}
+
+/// A spectral image in OpenEXR.
+pub fn spectral(bytes: &[u8]) -> Outcome {
+    let image = SpectralImage::from_exr("a.exr", bytes, &LIMITS)?;
+    assert!(
+        image.wavelengths_nm().is_sorted() && image.size().iter().all(|&side| side <= LIMITS.texture_edge)
+    );
+    Ok(())
 }
 
 /// An ICC profile, by which a texture is read.

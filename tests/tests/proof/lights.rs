@@ -4,11 +4,9 @@ use std::sync::LazyLock;
 
 use pellucid::color::spectrum::Illuminant;
 use pellucid::job::ProofFiles;
-use pellucid::mesh::Scale;
-use pellucid::refine::Effort;
 use pellucid::voxel::{Channels, Material, MaterialTable};
-use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
-use pellucid_tests::{patched_ball, spectral_cmykw};
+use pellucid::{Monitor, PrintJob, Workspace};
+use pellucid_tests::{lit_settings, patched_ball, spectral_cmykw};
 
 use crate::Print;
 use crate::figures::check_figures;
@@ -26,19 +24,7 @@ fn few_bands() -> MaterialTable {
 }
 
 pub static LIT: LazyLock<Print> = LazyLock::new(|| {
-    let mut settings = PrintSettings {
-        scale: Scale::HeightMm(1.5),
-        materials: few_bands(),
-        also_under: vec![Illuminant::A, Illuminant::Led],
-        spp: Some(2),
-        judge: Effort { points: 20, point_passes: 2, surface_passes: 2 },
-        judge_spp: 2,
-        judge_point_spp: 8,
-        proof_edge: 16,
-        ..PrintSettings::default()
-    };
-    settings.refine.iterations = Some(1);
-    settings.descent.opening_steps = 1;
+    let settings = lit_settings(1.5, few_bands(), &[Illuminant::A, Illuminant::Led]);
     let job = PrintJob::new(settings).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let (out, monitor) = (folder.path().join("print"), Monitor::silent());

@@ -8,11 +8,7 @@ use pellucid::color::plane_parallel::{Layer, Solver};
 use pellucid::color::{Lab, Xyz};
 use pellucid::voxel::MaterialTable;
 
-use crate::common::{run, stderr, stdout};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary folders have plain names")
-}
+use crate::common::{run, stderr, stdout, text};
 
 /// A coarse printer, so that a chart takes a moment.
 fn printer(folder: &Path) -> String {

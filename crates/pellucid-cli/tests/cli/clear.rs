@@ -1,13 +1,8 @@
 //! `pellucid prepare --clear-from-alpha` as a user meets it.
 
 use std::fs;
-use std::path::Path;
 
-use crate::common::{quick, run, slices, stderr, stdout};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary folders have plain names")
-}
+use crate::common::{quick, run, slices, stderr, stdout, text};
 
 #[test]
 fn what_is_see_through_is_printed_clear_on_request() {

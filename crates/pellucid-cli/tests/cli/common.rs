@@ -13,6 +13,11 @@ pub fn run(arguments: &[&str]) -> Output {
     pellucid().args(arguments).output().expect("the program starts")
 }
 
+/// A path as an argument.
+pub fn text(path: &Path) -> &str {
+    path.to_str().expect("temporary folders have plain names")
+}
+
 /// Standard error as text.
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()

@@ -3,11 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::common::{cube, quick, run, slices, stderr, stdout};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary folders have plain names")
-}
+use crate::common::{cube, quick, run, slices, stderr, stdout, text};
 
 #[test]
 fn help_names_every_command_and_option() {

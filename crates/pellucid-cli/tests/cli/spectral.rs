@@ -6,11 +6,7 @@ use std::path::Path;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
 use pellucid::voxel::{Channels, Material, MaterialTable};
 
-use crate::common::{cube, quick, run, stderr};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary folders have plain names")
-}
+use crate::common::{cube, quick, run, stderr, text};
 
 /// The default materials' R, G and B as thirds of 16 bands.
 fn bands(path: &Path) {

@@ -1,7 +1,7 @@
 use super::*;
+use crate::Vertex;
 use crate::shapes::Shape;
 use crate::voxelise::{VoxeliseOptions, voxelise};
-use crate::{BaseColor, Sampler, Vertex};
 use pellucid_voxel::SurfaceOptions;
 
 const SIZE: [u32; 2] = [5, 4];

@@ -57,10 +57,9 @@ impl PrintJob {
         let tracer = predictors::monte_carlo(&self.settings, self.settings.judge_spp, &self.team)?;
         let mut bound = tracer.bind(Arc::clone(object))?;
         bound.update(labels, Changed::Unknown, &control.silent())?;
-        let mut half = |pass: u32| {
+        let half = |pass: u32| {
             let progress = |done: u64, total: u64| control.report(u64::from(pass) * total + done, 3 * total);
-            let control = control.silent().with_progress(&progress);
-            self.seen(&mut *bound, labels, object, viewing, Pass::Judge(pass), &control)
+            self.seen(&*bound, object, viewing, Pass::Judge(pass), &control.silent().with_progress(&progress))
         };
         let halves = [half(0)?, half(1)?];
         let colors = self.for_the_eye(labels, object, viewing, &halves, control)?;
@@ -115,15 +114,14 @@ impl PrintJob {
         };
         let mut bound = network.bind(Arc::clone(object))?;
         bound.update(labels, Changed::Unknown, &control.silent())?;
-        let colors = self.seen(&mut *bound, labels, object, viewing, Pass::Proof, control)?;
+        let colors = self.seen(&*bound, object, viewing, Pass::Proof, control)?;
         Ok(Some(ByNetwork { colors, predictor: network.identity() }))
     }
 
-    /// Every surface voxel as one prediction of the labels that `bound` holds has it.
+    /// Every surface voxel as one prediction has it.
     fn seen(
         &self,
-        bound: &mut dyn BoundPredictor,
-        labels: &LabelGrid,
+        bound: &dyn BoundPredictor,
         object: &Object,
         viewing: &Viewing,
         pass: Pass,
@@ -142,10 +140,6 @@ impl PrintJob {
             radiance.resize(part.len() * channels, 0.0);
             bound.predict(part, Draw::new(self.settings.seed, pass), &mut radiance, &control)?;
             colors.extend(radiance.chunks_exact(channels).map(|l| viewing.relative_rgb(l)));
-            if colors.len() < points.len() {
-                // What was kept for points of this part goes.
-                bound.update(labels, Changed::Tiles(&[]), &control.silent())?;
-            }
         }
         Ok(colors)
     }
@@ -222,9 +216,8 @@ mod tests {
         let mut bound =
             predictors::monte_carlo(s, s.judge_spp, &job.team).unwrap().bind(Arc::clone(&object)).unwrap();
         bound.update(&labels, Changed::Unknown, &control).unwrap();
-        let halves = [0, 1].map(|pass| {
-            job.seen(&mut *bound, &labels, &object, &viewing, Pass::Judge(pass), &control).unwrap()
-        });
+        let halves =
+            [0, 1].map(|pass| job.seen(&*bound, &object, &viewing, Pass::Judge(pass), &control).unwrap());
         let halves = halves.each_ref().map(Vec::as_slice);
         let leading = viewing.leading_channels();
         let paths = without_noise(&object, &labels, leading, halves, None, &control).unwrap();
