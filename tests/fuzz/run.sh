@@ -42,13 +42,16 @@ fuzz() {
     mkdir -p "$work/corpus/$target" "$work/crashes/$target"
     # The words of its seeds, to build inputs from.
     { grep -IhoE '[A-Za-z_][A-Za-z_0-9]{2,31}' -r "seeds/$target" || true; } | sort -u | sed 's/.*/"&"/' >"$work/$target.words"
+    local words=()
+    # An empty dictionary is refused.
+    [[ ! -s $work/$target.words ]] || words=(-dict="$work/$target.words")
     READER=$target "$built/reader" -max_total_time="$time" -rss_limit_mb=2048 -malloc_limit_mb=512 -timeout=20 -max_len=65536 \
-        -dict="$work/$target.words" -artifact_prefix="$work/crashes/$target/" -print_final_stats=1 \
+        "${words[@]}" -artifact_prefix="$work/crashes/$target/" -print_final_stats=1 \
         "$work/corpus/$target" "seeds/$target" >"$log" 2>&1 || status=$?
     {
         echo "seconds $((SECONDS - begin))"
         sed -nE 's/^stat::number_of_executed_units: +/executions /p' "$log"
-        grep -E '^#[0-9]+.* cov: ' "$log" | tail -1 | sed -E 's/.* cov: ([0-9]+) ft: ([0-9]+).*/edges \1\nfeatures \2/'
+        { grep -E '^#[0-9]+.* cov: ' "$log" || true; } | tail -1 | sed -E 's/.* cov: ([0-9]+) ft: ([0-9]+).*/edges \1\nfeatures \2/'
     } >>"$work/runs/$target"
     [[ $status == 0 ]] || echo "$target: stopped with status $status, see $log" >&2
 }

@@ -49,7 +49,7 @@ pub fn viewing(set: &LabelledSet) -> Result<Viewing, Error> {
 }
 
 /// A row for every network, and for its shape families where there are several.
-pub fn judge(set: &LabelledSet, networks: &[Finished], control: &Control<'_>) -> Result<Vec<Row>, Error> {
+pub fn judge(set: &LabelledSet, networks: &[&Finished], control: &Control<'_>) -> Result<Vec<Row>, Error> {
     let name = &set.header().split;
     let viewing = viewing(set)?;
     let mut classes = Vec::new();

@@ -10,7 +10,8 @@ use super::object::Case;
 use super::pictures::{self, Look};
 use super::plan::Shapes;
 use super::report::Shown;
-use super::scores::{Row, kept};
+use super::runs::Runs;
+use super::scores::Row;
 use super::{Error, held_out, models};
 
 /// Sets of which the first volume is drawn, with the networks' training shapes.
@@ -28,7 +29,7 @@ pub struct Judging<'a> {
     pub networks: &'a [Finished],
     pub full: bool,
     pub look: Look,
-    /// Folder for rows and labelled sets.
+    /// Folder for labelled sets.
     pub folder: &'a Path,
     /// Folder for pictures.
     pub out: &'a Path,
@@ -37,17 +38,17 @@ pub struct Judging<'a> {
 
 impl Judging<'_> {
     /// Rows and pictures of all held-out sets.
-    pub fn sets(&self) -> Result<(Vec<Row>, Vec<Shown>), Error> {
+    pub fn sets(&self, runs: &mut Runs) -> Result<(Vec<Row>, Vec<Shown>), Error> {
         let (mut rows, mut shown) = (Vec::new(), Vec::new());
         for name in held_out::SETS {
             let drawn = || DRAWN.iter().filter(|(set, _)| *set == name).map(|(_, shapes)| *shapes);
-            rows.extend(kept(self.folder, name, self.networks, || {
+            rows.extend(runs.rows(name, self.networks, |networks| {
                 let set = self.labelled(name)?;
                 if drawn().next().is_some() {
                     let case = held_out::first_volume(&set, self.control)?;
-                    drawn().try_for_each(|shapes| self.draw(&case, shapes))?;
+                    drawn().try_for_each(|shapes| self.draw(&case, shapes, networks))?;
                 }
-                held_out::judge(&set, self.networks, self.control)
+                held_out::judge(&set, networks, self.control)
             })?);
             shown.extend(drawn().filter_map(|shapes| self.shown(name, shapes)));
         }
@@ -55,13 +56,15 @@ impl Judging<'_> {
     }
 
     /// Rows and pictures of the models.
-    pub fn models(&self) -> Result<(Vec<Row>, Vec<Shown>), Error> {
+    pub fn models(&self, runs: &mut Runs) -> Result<(Vec<Row>, Vec<Shown>), Error> {
         let (mut rows, mut shown) = (Vec::new(), Vec::new());
         for (name, height_mm) in models::chosen(self.full) {
-            rows.extend(kept(self.folder, name, self.networks, || {
+            rows.extend(runs.rows(name, self.networks, |networks| {
                 let case = models::case(name, height_mm, self.control)?;
-                let rows = models::judge(&case, self.networks, self.full, self.control)?;
-                [Shapes::All, Shapes::Paper].into_iter().try_for_each(|shapes| self.draw(&case, shapes))?;
+                let rows = models::judge(&case, networks, self.full, self.control)?;
+                for shapes in [Shapes::All, Shapes::Paper] {
+                    self.draw(&case, shapes, networks)?;
+                }
                 Ok(rows)
             })?);
             shown.extend([Shapes::All, Shapes::Paper].into_iter().filter_map(|s| self.shown(name, s)));
@@ -73,13 +76,10 @@ impl Judging<'_> {
         held_out::labelled(self.recipe, name, self.full, &self.folder.join("sets"), self.control)
     }
 
-    /// The networks of seed 1 trained on some shapes.
-    fn first(&self, shapes: Shapes) -> Vec<&Finished> {
-        self.networks.iter().filter(|n| n.group.shapes == shapes && n.group.seed == 1).collect()
-    }
-
-    fn draw(&self, case: &Case, shapes: Shapes) -> Result<(), Error> {
-        let networks = self.first(shapes);
+    /// Draws those of the networks that have seed 1 and were trained on some shapes, if there are any.
+    fn draw(&self, case: &Case, shapes: Shapes, networks: &[&Finished]) -> Result<(), Error> {
+        let first = |n: &&&Finished| n.group.shapes == shapes && n.group.seed == 1;
+        let networks: Vec<&Finished> = networks.iter().filter(first).copied().collect();
         if networks.is_empty() {
             return Ok(());
         }

@@ -12,6 +12,7 @@ mod object;
 mod pictures;
 mod plan;
 mod report;
+mod runs;
 mod scores;
 mod speed;
 mod tables;
@@ -30,14 +31,16 @@ use pellucid_benches::study::{Record, Study, StudySettings};
 use pictures::Look;
 use plan::Plan;
 use report::Measured;
+use runs::Runs;
 
 /// Generalisation of the four architectures
 #[derive(Parser)]
 struct Args {
     #[command(flatten)]
     study: StudySettings,
-    /// Folder for the states of the training runs, labelled sets and judgements, from which a study goes on when it was
-    /// cut off; in the build folder without it
+    /// Folder for the states of the training runs and labelled sets, from which a study goes on when it was cut off; in
+    /// the build folder without it. What finished runs came to is kept beside the report, in `runs.json`: a group whose
+    /// state is gone need not be trained again
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
     /// Do only this part; the report is made of the runs that are finished
@@ -67,29 +70,29 @@ fn study(args: &Args) -> Result<(), Error> {
     let folder = folder.join(if full { "full" } else { "small" });
     std::fs::create_dir_all(folder.join("sets"))?;
     let validation = held_out::labelled(&recipe, "validation", full, &folder.join("sets"), &control)?;
+    let mut record = Record::now("generalisation", 1);
+    record.add("matrix products", "factors rounded to bfloat16, sums in f32");
+    record.add("budget", format!("{} steps of 256 samples for each network", plan.steps));
+    let study = Study::new("generalisation", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let mut runs = Runs::read(study.folder())?;
     if args.only != Some(Stage::Report) {
-        for &group in &plan.groups {
+        for &group in plan.groups.iter().filter(|&&group| !runs.has(group)) {
             training::train(&plan, group, &recipe, &validation, &folder, &control)?;
         }
     }
     if args.only == Some(Stage::Training) {
         return Ok(());
     }
-
-    let networks = finished::finished(&plan, &folder)?;
+    let networks = finished::finished(&plan, &folder, &runs)?;
     if networks.is_empty() {
         return Err("no training run is finished yet".into());
     }
-    let mut record = Record::now("generalisation", 1);
-    record.add("matrix products", "factors rounded to bfloat16, sums in f32");
-    record.add("budget", format!("{} steps of 256 samples for each network", plan.steps));
-    let study = Study::new("generalisation", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
     let look = if full { Look { edge: 180, spp: 512 } } else { Look { edge: 96, spp: 64 } };
     let out = study.folder();
     let judging =
         Judging { recipe: &recipe, networks: &networks, full, look, folder: &folder, out, control: &control };
-    let (mut rows, mut pictures) = judging.sets()?;
-    let (of_models, model_pictures) = judging.models()?;
+    let (mut rows, mut pictures) = judging.sets(&mut runs)?;
+    let (of_models, model_pictures) = judging.models(&mut runs)?;
     rows.extend(of_models);
     pictures.extend(model_pictures);
     let (speeds, stencil_us) = speed::measure(&plan, &validation, &control)?;

@@ -51,7 +51,7 @@ pub fn case(name: &str, height_mm: Option<f64>, control: &Control<'_>) -> Result
 /// A row for every network.
 pub fn judge(
     case: &Case,
-    networks: &[Finished],
+    networks: &[&Finished],
     full: bool,
     control: &Control<'_>,
 ) -> Result<Vec<Row>, Error> {

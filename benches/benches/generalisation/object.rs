@@ -32,7 +32,7 @@ impl Case {
         points: &[u32],
         control: &Control<'_>,
     ) -> Result<Vec<f32>, Error> {
-        let predictor = Network::new(Arc::clone(&network.trained), Finished::PRECISION);
+        let predictor = Network::new(Arc::clone(network.network()?), Finished::PRECISION);
         let mut bound = predictor.bind(Arc::clone(&self.object))?;
         bound.update(&self.labels, Changed::Unknown, control)?;
         let mut out = vec![0.0; points.len() * self.object.channels()];

@@ -1,13 +1,10 @@
 //! Errors of a network on labelled points.
 
-use std::path::Path;
-
 use pellucid::color::Viewing;
-use pellucid::core::{ErrorStats, NoisyScore, files};
+use pellucid::core::{ErrorStats, NoisyScore};
 use pellucid_benches::appearance::mean_delta_e;
 use serde::{Deserialize, Serialize};
 
-use super::Error;
 use super::finished::Finished;
 
 /// One network on one set or model, or on one shape family of a set.
@@ -66,32 +63,4 @@ impl Row {
             noise: (noise / predicted.len().max(1) as f64).sqrt(),
         }
     }
-}
-
-/// What a judgement gave, kept so that a study that was cut off need not do it again.
-#[derive(Serialize, Deserialize)]
-struct Kept {
-    digests: Vec<String>,
-    rows: Vec<Row>,
-}
-
-/// The rows of a set or model: those that are kept of these networks, or what `judge` gives.
-pub fn kept(
-    folder: &Path,
-    name: &str,
-    networks: &[Finished],
-    judge: impl FnOnce() -> Result<Vec<Row>, Error>,
-) -> Result<Vec<Row>, Error> {
-    let path = folder.join(format!("{name}.json"));
-    let digests: Vec<String> = networks.iter().map(|n| n.digest.clone()).collect();
-    if let Ok(bytes) = std::fs::read(&path)
-        && let Ok(kept) = serde_json::from_slice::<Kept>(&bytes)
-        && kept.digests == digests
-    {
-        return Ok(kept.rows);
-    }
-    let rows = judge()?;
-    let kept = Kept { digests, rows };
-    files::write_whole_bytes(&path, &serde_json::to_vec(&kept)?)?;
-    Ok(kept.rows)
 }

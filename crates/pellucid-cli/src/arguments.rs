@@ -5,6 +5,7 @@ use std::path::Path;
 use pellucid::color::RenderingIntent;
 use pellucid::color::space::srgb_decode;
 use pellucid::color::spectrum::Illuminant;
+use pellucid::core::{Bytes, Fault};
 use pellucid::mesh::export::MeshFormat;
 use pellucid::mesh::{LengthUnit, UpAxis};
 use pellucid::slice::{Container, ExportSettings, PrintTarget};
@@ -76,6 +77,11 @@ pub fn positive(text: &str) -> Result<u32, String> {
 /// A whole number from 0 on.
 pub fn count(text: &str) -> Result<u32, String> {
     text.parse().map_err(|_| format!("a whole number from 0 to {} is needed", u32::MAX))
+}
+
+/// An amount of memory.
+pub fn memory(text: &str) -> Result<Bytes, String> {
+    text.parse().map_err(|fault: Fault| fault.remedy)
 }
 
 /// What slices are written as.

@@ -6,10 +6,10 @@ use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
 use pellucid::core::team::Alone;
-use pellucid::core::{Team, staging};
+use pellucid::core::{Bytes, Team, staging};
 use pellucid::job::ProofFiles;
 use pellucid::mesh::export::MeshFormat;
-use pellucid::mesh::{ImportLimits, SpectralImage};
+use pellucid::mesh::{ImportLimits, Model, SpectralImage};
 use pellucid::predict::NetworkDevice;
 use pellucid::slice::Container;
 use pellucid::{
@@ -17,7 +17,7 @@ use pellucid::{
     Workspace,
 };
 
-use crate::progress::{Bars, peak_memory_bytes};
+use crate::progress::{Bars, free_memory, peak_memory_bytes};
 use crate::subject::Subject;
 use crate::{Failure, arguments, summary, terminal};
 
@@ -61,6 +61,10 @@ pub struct Args {
     /// Refinement iterations at most; 40 without it, 10 of surface-first. 0 leaves the unrefined halftone
     #[arg(long, value_name = "N", value_parser = arguments::count, allow_hyphen_values = true)]
     iterations: Option<u32>,
+    /// Most memory that the job may take, such as 8GiB or 900MiB: one that would take more is refused before it starts.
+    /// Without it, one that would take more than is free is warned of
+    #[arg(long, value_name = "SIZE", value_parser = arguments::memory)]
+    memory: Option<Bytes>,
     /// Go on with an interrupted job of the same settings and model
     #[arg(long)]
     resume: bool,
@@ -157,6 +161,7 @@ fn prepare_as(args: &Args, team: &Arc<dyn Team>, cancel: &AtomicBool) -> Result<
 
     let bars = Bars::new();
     let model = args.subject.import(job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
+    tell_memory(args, &job, &model)?;
     let spectral = spectral_image(args, earlier.as_ref())?;
     let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
     let prepared = match &spectral {
@@ -180,6 +185,24 @@ fn prepare_as(args: &Args, team: &Arc<dyn Team>, cancel: &AtomicBool) -> Result<
     })?;
     workspace.finish()?;
     terminal::print(&summary::of(&report, &args.out))?;
+    Ok(())
+}
+
+/// Says what memory the job will take, and refuses it where that is too much.
+fn tell_memory(args: &Args, job: &PrintJob, model: &Model) -> Result<(), Failure> {
+    let need = job.check_memory(model, args.memory.unwrap_or(Bytes(u64::MAX)))?;
+    terminal::note(format!(
+        "memory: about {}, for {} thousand surface voxels",
+        need.bytes,
+        need.surface_voxels.div_ceil(1000)
+    ));
+    if let Some(free) = free_memory().filter(|&free| args.memory.is_none() && need.bytes > free) {
+        terminal::note(format!(
+            "warning: {} are free; with --memory {} a job of that size is refused, with what would do",
+            free,
+            free.to_string().replace(' ', "")
+        ));
+    }
     Ok(())
 }
 

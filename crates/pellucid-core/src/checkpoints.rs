@@ -5,13 +5,14 @@
 //! is at work, so that two never write the same checkpoints.
 
 use std::fs::{self, File, TryLockError};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use serde_json::Value;
 
 use crate::FileError;
-use crate::files::{read_bounded, write_whole_bytes};
+use crate::files::{WholeFile, read_bounded, write_whole_bytes};
 
 /// Name of the record.
 const RECORD: &str = "record.json";
@@ -171,6 +172,17 @@ impl Checkpoints {
         }
     }
 
+    /// The file that a step left, where the work goes on.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn open(&self, name: &str) -> Result<Option<File>, FileError> {
+        match self.folder.as_ref().filter(|_| self.resume).map(|folder| folder.join(name)) {
+            Some(path) if path.exists() => Ok(Some(File::open(&path).map_err(FileError::at("read", &path))?)),
+            _ => Ok(None),
+        }
+    }
+
     /// Whether [`Checkpoints::save`] keeps anything, so that its bytes are worth making.
     pub fn keeps(&self) -> bool {
         self.folder.is_some()
@@ -181,13 +193,28 @@ impl Checkpoints {
     /// # Errors
     /// [`FileError`].
     pub fn save(&self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
+        self.save_with(name, |out| out.write_all(bytes))
+    }
+
+    /// [`Checkpoints::save`] of what `write` writes, whose error is one of the file.
+    ///
+    /// # Errors
+    /// [`FileError`].
+    pub fn save_with(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut BufWriter<WholeFile>) -> io::Result<()>,
+    ) -> Result<(), FileError> {
         let Some(folder) = &self.folder else { return Ok(()) };
         let path = folder.join(RECORD);
         if let Some(record) = self.record.get().filter(|_| !path.exists()) {
             fs::create_dir_all(folder).map_err(FileError::at("create", folder))?;
             write_whole_bytes(&path, format!("{record:#}\n").as_bytes())?;
         }
-        write_whole_bytes(folder.join(name), bytes)
+        let path = folder.join(name);
+        let mut out = BufWriter::new(WholeFile::create(&path)?);
+        let written = write(&mut out).and_then(|()| out.into_inner().map_err(io::IntoInnerError::into_error));
+        written.map_err(FileError::at("write", &path))?.commit()
     }
 
     /// Removes the checkpoints `names` of work that is complete, the record and the folder. What others put there

@@ -2,6 +2,7 @@
 //!
 //! | module | owns |
 //! | --- | --- |
+//! | [`bytes`] | amounts of memory: [`Bytes`] |
 //! | `checkpoints` | what long work has done, kept in a folder: `Checkpoints` (feature `json`) |
 //! | [`control`] | progress and cancellation of long work: [`Control`], [`Cancelled`] |
 //! | [`fault`] | what is wrong with which input, and what would be right: [`Fault`], [`FileError`], [`chain`] |
@@ -15,6 +16,7 @@
 //! | [`team`] | processes that share out their work: [`Team`] |
 #![forbid(unsafe_code)]
 
+pub mod bytes;
 #[cfg(feature = "json")]
 pub mod checkpoints;
 pub mod control;
@@ -29,6 +31,7 @@ pub mod staging;
 pub mod stats;
 pub mod team;
 
+pub use bytes::Bytes;
 #[cfg(feature = "json")]
 pub use checkpoints::{CheckpointError, Checkpoints};
 pub use control::{Cancelled, Control, Progress};

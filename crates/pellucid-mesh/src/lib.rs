@@ -9,6 +9,7 @@
 //! | [`spectral_image`] | textures of reflectances by wavelength |
 //! | [`placement`] | how large a model is printed, and where it lies in print space |
 //! | [`placed`] | a model in print space, its mesh analysed once for what follows |
+//! | [`solid_size`] | how large its solid is, before it is voxelised |
 //! | [`mesh_report`] | what is wrong with a mesh: [`MeshReport`] |
 //! | [`mesh_places`] | where that is: [`MeshPlaces`] |
 //! | [`voxelise`](mod@voxelise) | solid voxels by generalised winding number |
@@ -42,6 +43,7 @@ pub mod placement;
 #[cfg(test)]
 mod shapes;
 mod shell;
+pub mod solid_size;
 pub mod spectral_image;
 pub mod target;
 pub mod texture;
@@ -59,6 +61,7 @@ pub use model::{BaseColor, Model, Note, Triangle, Vertex};
 pub use opacity::Opacity;
 pub use placed::PlacedMesh;
 pub use placement::{Placement, Scale};
+pub use solid_size::SolidSize;
 pub use spectral_image::SpectralImage;
 pub use target::surface_colors;
 pub use texture::{Filter, Image, Mip, Sampler, Texture, Wrap};

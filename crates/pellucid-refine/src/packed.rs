@@ -11,18 +11,68 @@
 //! # fn main() {}
 //! ```
 
+use std::borrow::Cow;
+use std::fmt;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serializer};
+
+/// Values that are encoded at a time; three bytes are four letters.
+const TOGETHER: usize = 3 * 256;
+/// Most bytes of a value.
+const WIDEST: usize = 12;
+
+/// Values as the text of their bytes, made as it is written: states are large, and so would a copy be.
+struct Text<'a, T, const N: usize>(&'a [T], fn(&T) -> [u8; N]);
+
+impl<T, const N: usize> fmt::Display for Text<'_, T, N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const { assert!(N <= WIDEST) };
+        let mut bytes = [0; TOGETHER * WIDEST];
+        let mut letters = [0; TOGETHER * WIDEST / 3 * 4];
+        for values in self.0.chunks(TOGETHER) {
+            for (bytes, value) in bytes.as_chunks_mut::<N>().0.iter_mut().zip(values) {
+                *bytes = (self.1)(value);
+            }
+            let length =
+                STANDARD.encode_slice(&bytes[..values.len() * N], &mut letters).map_err(|_| fmt::Error)?;
+            f.write_str(std::str::from_utf8(&letters[..length]).map_err(|_| fmt::Error)?)?;
+        }
+        Ok(())
+    }
+}
+
+/// Values of the text that a deserialiser is at.
+fn values<'de, D: Deserializer<'de>, T, const N: usize>(
+    deserializer: D,
+    value: fn([u8; N]) -> T,
+) -> Result<Vec<T>, D::Error> {
+    decoded(Cow::<'de, str>::deserialize(deserializer)?, value)
+}
+
+/// Values of a text, of which no more is kept than is needed.
+fn decoded<T, E: Error, const N: usize>(text: Cow<'_, str>, value: fn([u8; N]) -> T) -> Result<Vec<T>, E> {
+    let bytes = STANDARD.decode(text.as_bytes()).map_err(E::custom)?;
+    drop(text);
+    let (values, rest) = bytes.as_chunks::<N>();
+    if !rest.is_empty() {
+        return Err(E::custom("packed values end within a value"));
+    }
+    Ok(values.iter().map(|&bytes| value(bytes)).collect())
+}
 
 /// Writes colours.
 ///
 /// # Errors
 /// The serialiser's.
 pub fn serialize<S: Serializer>(colors: &[[f32; 3]], serializer: S) -> Result<S::Ok, S::Error> {
-    let bytes: Vec<u8> = colors.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
-    serializer.serialize_str(&STANDARD.encode(bytes))
+    serializer.collect_str(&Text(colors, |color| {
+        let mut bytes = [0; 12];
+        bytes.as_chunks_mut().0.iter_mut().zip(color).for_each(|(bytes, v)| *bytes = v.to_le_bytes());
+        bytes
+    }))
 }
 
 /// Reads colours.
@@ -30,21 +80,10 @@ pub fn serialize<S: Serializer>(colors: &[[f32; 3]], serializer: S) -> Result<S:
 /// # Errors
 /// The deserialiser's, and when the text is not base64 of whole colours.
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<[f32; 3]>, D::Error> {
-    let values = values::<D, 4>(deserializer)?;
-    if values.len() % 3 != 0 {
-        return Err(D::Error::custom("packed colours end within a colour"));
-    }
-    Ok(values.chunks_exact(3).map(|v| std::array::from_fn(|c| f32::from_le_bytes(v[c]))).collect())
-}
-
-fn values<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<Vec<[u8; N]>, D::Error> {
-    let text = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
-    let bytes = STANDARD.decode(text.as_bytes()).map_err(D::Error::custom)?;
-    let (values, rest) = bytes.as_chunks::<N>();
-    if !rest.is_empty() {
-        return Err(D::Error::custom("packed values end within a value"));
-    }
-    Ok(values.to_vec())
+    values(deserializer, |bytes: [u8; 12]| {
+        let channels = bytes.as_chunks::<4>().0;
+        std::array::from_fn(|c| f32::from_le_bytes(channels[c]))
+    })
 }
 
 macro_rules! numbers {
@@ -57,15 +96,13 @@ macro_rules! numbers {
                 values: &[$type],
                 serializer: S,
             ) -> Result<S::Ok, S::Error> {
-                let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-                serializer.serialize_str(&STANDARD.encode(bytes))
+                serializer.collect_str(&Text::<_, $bytes>(values, |v| v.to_le_bytes()))
             }
 
             pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
                 deserializer: D,
             ) -> Result<Vec<$type>, D::Error> {
-                let values = values::<D, $bytes>(deserializer)?;
-                Ok(values.into_iter().map(<$type>::from_le_bytes).collect())
+                values(deserializer, <$type>::from_le_bytes)
             }
         }
     };
@@ -91,23 +128,17 @@ pub(crate) mod learned {
     }
 
     pub(crate) fn serialize<S: Serializer>(learned: &Learned, serializer: S) -> Result<S::Ok, S::Error> {
-        let bytes: Vec<u8> = learned.values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let packed = Packed {
             predictor: learned.predictor.clone(),
             passes: learned.passes.clone(),
-            values: STANDARD.encode(bytes),
+            values: Text(&learned.values, |v| v.to_le_bytes()).to_string(),
         };
         packed.serialize(serializer)
     }
 
     pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Learned, D::Error> {
         let packed = Packed::deserialize(deserializer)?;
-        let bytes = STANDARD.decode(packed.values).map_err(D::Error::custom)?;
-        let (values, rest) = bytes.as_chunks::<8>();
-        if !rest.is_empty() {
-            return Err(D::Error::custom("packed values end within a value"));
-        }
-        let values = values.iter().map(|&v| f64::from_le_bytes(v)).collect();
+        let values = decoded(packed.values.into(), f64::from_le_bytes)?;
         Ok(Learned { predictor: packed.predictor, passes: packed.passes, values })
     }
 }

@@ -13,7 +13,7 @@ use crate::halftone::{Changes, halftone};
 use crate::layers::Layers;
 use crate::problem::shown_in;
 use crate::{
-    IterationReport, Moved, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
+    IterationReport, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
     Strategy, SurfaceSmoother,
 };
 
@@ -50,7 +50,7 @@ pub struct Refinement<'a, S: Strategy> {
     iteration: u32,
     /// Of the next iteration; of the last one once all are done.
     state: S::State,
-    /// Of the best iteration so far.
+    /// Of the best iteration so far, without history.
     best: Option<S::State>,
     report: RefineReport,
     memory: Learned,
@@ -173,13 +173,18 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         &self.state
     }
 
-    /// The state of the best iteration so far; `None` before the first.
+    /// The state of the best iteration so far, [without history](Strategy::without_history); `None` before the first.
     pub fn best_state(&self) -> Option<&S::State> {
         self.best.as_ref()
     }
 
     /// What [`Refinement::resume`] needs.
     pub fn save(&self) -> Saved<S::State> {
+        self.kept().map(S::State::clone)
+    }
+
+    /// The same without a copy of the states, to be written.
+    pub fn kept(&self) -> Saved<&S::State> {
         let settings = self.strategy.settings();
         Saved {
             strategy: self.strategy.name().to_owned(),
@@ -188,8 +193,8 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             object: self.setup.problem.object.id().0,
             colors: self.setup.problem.colors_digest(),
             iteration: self.iteration,
-            state: self.state.clone(),
-            best: self.best.clone(),
+            state: &self.state,
+            best: self.best.as_ref(),
             report: self.report.clone(),
             memory: self.memory.clone(),
         }
@@ -218,7 +223,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         }
         self.check_labels(labels)?;
         let held = self.held.take();
-        let iteration = self.iteration;
+        let (iteration, draw) = (self.iteration, self.draw(self.iteration));
 
         let start = Instant::now();
         let Planned { mixtures, overflow } =
@@ -237,8 +242,12 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         report.count(&changes, &diagnostics);
 
         let start = Instant::now();
-        let (next, moved) = if iteration < self.iterations {
-            let mut next = self.state.clone();
+        let planned = if iteration < self.iterations {
+            let control = &control.silent();
+            let tools = match &mut self.tools {
+                Some(tools) => &*tools,
+                none => none.insert(self.strategy.tools(&self.setup, &self.smoother, control)?),
+            };
             let seen = Seen {
                 iteration,
                 radiance: &shown.radiance,
@@ -248,24 +257,30 @@ impl<'a, S: Strategy> Refinement<'a, S> {
                 overflow: &overflow,
                 labels,
                 bound: &*bound,
-                draw: self.draw(iteration),
+                draw,
             };
-            let tools = match &mut self.tools {
-                Some(tools) => tools,
-                none => none.insert(self.strategy.tools(&self.setup, &self.smoother, &control.silent())?),
-            };
-            let moved = self.strategy.update(&self.setup, tools, &mut next, &seen, &control.silent())?;
-            (Some(next), moved)
+            Some(self.strategy.plan(&self.setup, tools, &self.state, &seen, control)?)
         } else {
-            (None, Moved::default())
+            None
         };
-        report.update_seconds = start.elapsed().as_secs_f64();
-        (report.loss, report.noise, report.step) = (moved.loss, moved.noise, moved.step);
         // The last that can fail: a pass is taken in once, and what follows completes the step.
         bound.absorb(&diagnostics.learned).map_err(|e| RefineError::predict(iteration, e))?;
         self.memory = bound.memory();
-        self.report.settled = moved.settled;
-        Ok(self.complete(report, next))
+        let better = self.report.best_iteration().is_none_or(|best| report.off() < best.off());
+        if better {
+            self.report.best = iteration;
+            self.best = Some(self.strategy.without_history(&self.state));
+        }
+        if let (Some(step), Some(tools)) = (planned, &self.tools) {
+            let moved = self.strategy.take(&self.setup, tools, &mut self.state, step);
+            (report.loss, report.noise, report.step) = (moved.loss, moved.noise, moved.step);
+            self.report.settled = moved.settled;
+        }
+        report.update_seconds = start.elapsed().as_secs_f64();
+        self.held = Some(iteration);
+        self.iteration += 1;
+        self.report.iterations.push(report);
+        Ok(&self.report.iterations[iteration as usize])
     }
 
     /// Ends the refinement: `labels`, those of the last step or any solid ones, become the best iterate's. May be called
@@ -384,29 +399,6 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         }
     }
 
-    /// Takes in what a step found; cannot fail.
-    fn complete(&mut self, report: IterationReport, next: Option<S::State>) -> &IterationReport {
-        let best = self.report.best_iteration().map(IterationReport::off);
-        let better = best.is_none_or(|off| report.off() < off);
-        if better {
-            self.report.best = report.iteration;
-        }
-        match next {
-            Some(next) => {
-                let state = std::mem::replace(&mut self.state, next);
-                if better {
-                    self.best = Some(state);
-                }
-            }
-            None if better => self.best = Some(self.state.clone()),
-            None => {}
-        }
-        self.held = Some(report.iteration);
-        self.iteration += 1;
-        self.report.iterations.push(report);
-        &self.report.iterations[self.iteration as usize - 1]
-    }
-
     fn check_labels(&self, labels: &LabelGrid) -> Result<(), RefineError> {
         if labels.frame() == self.setup.problem.object.frame() {
             return Ok(());
@@ -421,7 +413,7 @@ impl<'a, S: Strategy> Refinement<'a, S> {
                 format!("is of {what}; resume with its own, or begin anew"),
             ))
         };
-        let own = self.save();
+        let own = self.kept();
         if saved.strategy != own.strategy {
             return differs(&format!("the strategy {:?}, not {:?}", saved.strategy, own.strategy));
         }
@@ -447,8 +439,8 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         if !whole {
             return Err(RefineError::invalid("checkpoint", "its iterations contradict each other"));
         }
-        let states = std::iter::once(&saved.state).chain(&saved.best);
-        states.into_iter().try_for_each(|state| self.strategy.check_state(&self.setup, state))
+        self.strategy.check_state(&self.setup, &saved.state)?;
+        saved.best.iter().try_for_each(|state| self.strategy.check_best(&self.setup, state))
     }
 }
 

@@ -21,8 +21,11 @@ pub trait Strategy {
     /// What is saved with a job. Long arrays should serialise compactly; see [`packed`](crate::packed).
     type State: Clone + Serialize + DeserializeOwned;
 
-    /// What follows from the problem alone and updates use again and again; made before the first of them.
+    /// What follows from the problem alone and steps use again and again; made before the first of them.
     type Tools;
+
+    /// How a state is to be moved.
+    type Step;
 
     /// A short name for reports and checkpoints.
     fn name(&self) -> &str;
@@ -47,6 +50,20 @@ pub trait Strategy {
     /// # Errors
     /// [`RefineError::Invalid`] when it is not of this problem, or damaged.
     fn check_state(&self, setup: &Setup<'_>, state: &Self::State) -> Result<(), RefineError>;
+
+    /// A state without what only further steps need, which is kept of the best iterate: its mixtures are the same. All of
+    /// it by default.
+    fn without_history(&self, state: &Self::State) -> Self::State {
+        state.clone()
+    }
+
+    /// [`Strategy::check_state`] of a state without its history.
+    ///
+    /// # Errors
+    /// As there.
+    fn check_best(&self, setup: &Setup<'_>, state: &Self::State) -> Result<(), RefineError> {
+        self.check_state(setup, state)
+    }
 
     /// The mixtures of a state.
     ///
@@ -77,21 +94,30 @@ pub trait Strategy {
         1
     }
 
-    /// Moves the state by what was predicted of its labels. The state is dropped when it fails.
+    /// Finds how a state is to be moved, by what was predicted of its labels.
     ///
     /// # Errors
     /// [`RefineError::Predict`] when a derivative is asked for and fails; [`RefineError::Cancelled`].
-    fn update(
+    fn plan(
+        &self,
+        setup: &Setup<'_>,
+        tools: &Self::Tools,
+        state: &Self::State,
+        seen: &Seen<'_>,
+        control: &Control<'_>,
+    ) -> Result<Self::Step, RefineError>;
+
+    /// Moves the state that a step was planned for.
+    fn take(
         &self,
         setup: &Setup<'_>,
         tools: &Self::Tools,
         state: &mut Self::State,
-        seen: &Seen<'_>,
-        control: &Control<'_>,
-    ) -> Result<Moved, RefineError>;
+        step: Self::Step,
+    ) -> Moved;
 }
 
-/// What an update says of itself.
+/// What a step says of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moved {
     /// What the strategy lowers, of the iterate that was seen.

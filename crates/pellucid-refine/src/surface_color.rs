@@ -64,6 +64,7 @@ fn wanted(target: [f32; 3], residual: [f32; 3]) -> [f32; 3] {
 impl Strategy for SurfaceColor {
     type State = SurfaceColorState;
     type Tools = ();
+    type Step = SurfaceColorState;
 
     fn name(&self) -> &str {
         "surface_color"
@@ -117,17 +118,23 @@ impl Strategy for SurfaceColor {
         Ok(())
     }
 
-    fn update(
+    fn plan(
         &self,
         setup: &Setup<'_>,
         (): &(),
-        state: &mut SurfaceColorState,
+        state: &SurfaceColorState,
         seen: &Seen<'_>,
         _: &Control<'_>,
-    ) -> Result<Moved, RefineError> {
+    ) -> Result<SurfaceColorState, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
-        residual::advance(&mut state.residual, setup, seen, gain);
-        state.step += 1;
-        Ok(Moved::default())
+        let mut next = state.clone();
+        residual::advance(&mut next.residual, setup, seen, gain);
+        next.step += 1;
+        Ok(next)
+    }
+
+    fn take(&self, _: &Setup<'_>, (): &(), state: &mut SurfaceColorState, step: SurfaceColorState) -> Moved {
+        *state = step;
+        Moved::default()
     }
 }

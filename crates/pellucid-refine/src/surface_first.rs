@@ -56,6 +56,7 @@ struct Spread {
 impl Strategy for SurfaceFirst {
     type State = SurfaceFirstState;
     type Tools = ();
+    type Step = SurfaceFirstState;
 
     fn name(&self) -> &str {
         "surface_first"
@@ -101,18 +102,24 @@ impl Strategy for SurfaceFirst {
         Ok(())
     }
 
-    fn update(
+    fn plan(
         &self,
         setup: &Setup<'_>,
         (): &(),
-        state: &mut SurfaceFirstState,
+        state: &SurfaceFirstState,
         seen: &Seen<'_>,
         _: &Control<'_>,
-    ) -> Result<Moved, RefineError> {
+    ) -> Result<SurfaceFirstState, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
-        residual::advance(&mut state.residual, setup, seen, gain);
-        state.step += 1;
-        Ok(Moved::default())
+        let mut next = state.clone();
+        residual::advance(&mut next.residual, setup, seen, gain);
+        next.step += 1;
+        Ok(next)
+    }
+
+    fn take(&self, _: &Setup<'_>, (): &(), state: &mut SurfaceFirstState, step: SurfaceFirstState) -> Moved {
+        *state = step;
+        Moved::default()
     }
 }
 

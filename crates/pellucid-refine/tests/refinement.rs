@@ -342,6 +342,7 @@ impl Mixtures for InterruptedMixtures<'_> {
 impl Strategy for Interrupted<'_> {
     type State = <SurfaceFirst as Strategy>::State;
     type Tools = ();
+    type Step = <SurfaceFirst as Strategy>::Step;
     fn name(&self) -> &str {
         "interrupted"
     }
@@ -373,15 +374,18 @@ impl Strategy for Interrupted<'_> {
     fn tools(&self, _: &Setup<'_>, _: &SurfaceSmoother, _: &Control<'_>) -> Result<(), RefineError> {
         Ok(())
     }
-    fn update(
+    fn plan(
         &self,
         setup: &Setup<'_>,
         (): &(),
-        state: &mut Self::State,
+        state: &Self::State,
         seen: &Seen<'_>,
         control: &Control<'_>,
-    ) -> Result<Moved, RefineError> {
-        self.inner.update(setup, &(), state, seen, control)
+    ) -> Result<Self::Step, RefineError> {
+        self.inner.plan(setup, &(), state, seen, control)
+    }
+    fn take(&self, setup: &Setup<'_>, (): &(), state: &mut Self::State, step: Self::Step) -> Moved {
+        self.inner.take(setup, &(), state, step)
     }
 }
 

@@ -93,6 +93,8 @@ mod error_histogram;
 #[cfg(feature = "job")]
 pub mod job;
 #[cfg(feature = "job")]
+mod memory;
+#[cfg(feature = "job")]
 mod monitor;
 #[cfg(feature = "job")]
 mod network_weights;
@@ -119,6 +121,8 @@ pub use choice::{Choice, Trial};
 pub use error::PrintError;
 #[cfg(feature = "job")]
 pub use job::{Prepared, PrintJob};
+#[cfg(feature = "job")]
+pub use memory::MemoryNeed;
 #[cfg(feature = "job")]
 pub use monitor::Monitor;
 #[cfg(feature = "job")]

@@ -4,11 +4,14 @@
 //! keeping the state takes no time to speak of), and `judged.bin` after the judge. Each file is written whole or not at
 //! all, so a job that was killed goes on near where it was, and ends with the same bytes.
 
+use std::fs::File;
+use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use pellucid_core::files::WholeFile;
 use pellucid_core::team::Alone;
-use pellucid_core::{Checkpoints, Team};
+use pellucid_core::{Checkpoints, FileError, Team};
 
 use crate::PrintError;
 use crate::record::Record;
@@ -102,6 +105,31 @@ impl Workspace {
         Ok(message.pop().map(|_| message))
     }
 
+    /// [`Workspace::load`] by a reader that is given the bytes one after the other, and how many there are.
+    pub(crate) fn load_with<T>(
+        &self,
+        name: &str,
+        read: impl FnOnce(&mut dyn Read, u64) -> Result<T, PrintError>,
+    ) -> Result<Option<T>, PrintError> {
+        if self.team.size() > 1 {
+            // A message is whole.
+            let read = |bytes: Vec<u8>| read(&mut &bytes[..], bytes.len() as u64);
+            return self.load(name)?.map(read).transpose();
+        }
+        let Some(file) = self.own.open(name)? else { return Ok(None) };
+        let failed = FileError::at("read", self.own.folder().unwrap_or(Path::new("")).join(name));
+        let length = match file.metadata() {
+            Ok(metadata) => metadata.len(),
+            Err(e) => return Err(failed(e).into()),
+        };
+        let mut noted = Noted { file, error: None };
+        let found = read(&mut noted, length);
+        match noted.error {
+            Some(e) => Err(failed(e).into()),
+            None => found.map(Some),
+        }
+    }
+
     /// `bytes` are made only where they are kept.
     pub(crate) fn save(
         &self,
@@ -111,11 +139,38 @@ impl Workspace {
         if self.own.keeps() { Ok(self.own.save(name, &bytes()?)?) } else { Ok(()) }
     }
 
+    /// [`Workspace::save`] of what `write` writes.
+    pub(crate) fn save_with(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut BufWriter<WholeFile>) -> io::Result<()>,
+    ) -> Result<(), PrintError> {
+        Ok(self.own.save_with(name, write)?)
+    }
+
     /// Removes the checkpoints of a job that is complete.
     ///
     /// # Errors
     /// [`PrintError::Io`].
     pub fn finish(self) -> Result<(), PrintError> {
         Ok(self.own.remove(&[CHOICE, REFINEMENT, JUDGED])?)
+    }
+}
+
+/// A file that keeps the error that ended its reading: what reads it may say only that the contents are wrong.
+struct Noted {
+    file: File,
+    error: Option<io::Error>,
+}
+
+impl Read for Noted {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.file.read(bytes).map_err(|e| {
+            let kind = e.kind();
+            if kind != io::ErrorKind::Interrupted {
+                self.error = Some(e);
+            }
+            kind.into()
+        })
     }
 }

@@ -35,6 +35,7 @@ fn help_names_every_command_and_option() {
         "--seed",
         "--threads",
         "--absolute",
+        "--memory",
         "--resume",
         "--force",
     ] {
@@ -396,4 +397,23 @@ mod interrupted {
         assert_eq!(done.code(), Some(1));
         assert!(out.join("report.json").exists());
     }
+}
+
+#[test]
+fn memory_is_told_before_the_work_and_past_its_limit_refused_with_what_would_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, out) = (cube(folder.path()), folder.path().join("print"));
+    let told = run(&quick(text(&model), text(&out), &["--memory", "16GiB"]));
+    assert!(told.status.success() && stderr(&told).contains("memory: about "), "{}", stderr(&told));
+    let (large, more) = (folder.path().join("large"), ["--height-mm", "80", "--memory", "2GiB"]);
+    let refused = run(&quick(text(&model), text(&large), &more));
+    let says = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{says}");
+    for part in ["and 2.0 GiB are allowed", "mm high (--height-mm)", "allow more (--memory)"] {
+        assert!(says.contains(part), "{part}: {says}");
+    }
+    assert!(!large.exists() && !folder.path().join("large.job").exists());
+    let wrong = run(&quick(text(&model), text(&out), &["--memory", "8"]));
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(stderr(&wrong).contains("such as 8GiB"), "{}", stderr(&wrong));
 }

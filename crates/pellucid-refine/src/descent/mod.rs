@@ -15,10 +15,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::low_pass::{LOCAL_MM, LowPass};
 use crate::settings::check_ranges;
-use crate::{Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, SurfaceSmoother};
+use crate::{
+    Moved, Planned, RefineError, Seen, Setup, Strategy, SurfaceFirst, SurfaceFirstState, SurfaceSmoother,
+};
 use aims::{Loss, pull};
 use loss::{Scale, Weights};
-use patches::Patches;
+use patches::{Patch, Patches};
 pub use rule::StepRule;
 pub use state::DescentState;
 use state::{CellMixtures, Cells};
@@ -90,6 +92,7 @@ pub struct DescentTools {
 impl Strategy for Descent {
     type State = DescentState;
     type Tools = DescentTools;
+    type Step = DescentStep;
 
     fn name(&self) -> &str {
         "descent"
@@ -131,6 +134,17 @@ impl Strategy for Descent {
         }
     }
 
+    fn without_history(&self, state: &DescentState) -> DescentState {
+        DescentState { opening: state.opening.clone(), inks: state.inks.clone(), ..DescentState::default() }
+    }
+
+    fn check_best(&self, setup: &Setup<'_>, state: &DescentState) -> Result<(), RefineError> {
+        match &state.opening {
+            Some(opening) => self.opening.check_state(setup, opening),
+            None => state.check_shares(setup),
+        }
+    }
+
     fn mixtures<'s>(
         &'s self,
         setup: &'s Setup<'_>,
@@ -168,58 +182,118 @@ impl Strategy for Descent {
         state.effort()
     }
 
-    fn update(
+    fn plan(
+        &self,
+        setup: &Setup<'_>,
+        tools: &DescentTools,
+        state: &DescentState,
+        seen: &Seen<'_>,
+        control: &Control<'_>,
+    ) -> Result<DescentStep, RefineError> {
+        let Some(opening) = &state.opening else {
+            let begun = (state.steps == 0).then(|| state.clone());
+            return Ok(DescentStep(Kind::Own(self.plan_own(setup, tools, state, begun, seen, control)?)));
+        };
+        if opening.step < self.opening_steps {
+            let next = self.opening.plan(setup, &(), opening, seen, control)?;
+            return Ok(DescentStep(Kind::Opening(next)));
+        }
+        let (mixtures, _) = self.opening.layer_mixtures(setup, opening, control)?;
+        let begun = DescentState::from_mixtures(setup, mixtures);
+        Ok(DescentStep(Kind::Own(self.plan_own(setup, tools, state, Some(begun), seen, control)?)))
+    }
+
+    fn take(
         &self,
         setup: &Setup<'_>,
         tools: &DescentTools,
         state: &mut DescentState,
-        seen: &Seen<'_>,
-        control: &Control<'_>,
-    ) -> Result<Moved, RefineError> {
-        if let Some(opening) = &mut state.opening
-            && opening.step < self.opening_steps
-        {
-            return self.opening.update(setup, &(), opening, seen, control);
+        DescentStep(kind): DescentStep,
+    ) -> Moved {
+        match (kind, &mut state.opening) {
+            (Kind::Opening(step), Some(opening)) => self.opening.take(setup, &(), opening, step),
+            (Kind::Opening(step), none) => {
+                *none = Some(step);
+                Moved::default()
+            }
+            (Kind::Own(step), _) => self.take_own(setup, tools, state, step),
         }
-        if let Some(opening) = state.opening.take() {
-            let (mixtures, _) = self.opening.layer_mixtures(setup, &opening, control)?;
-            *state = DescentState::from_mixtures(setup, mixtures);
-        }
-        self.descend(setup, tools, state, seen, control)
     }
 }
 
+/// How a state of [`Descent`] is to be moved.
+pub struct DescentStep(Kind);
+
+enum Kind {
+    /// A step of the heuristic that opens.
+    Opening(SurfaceFirstState),
+    Own(OwnStep),
+}
+
+/// A step of descent itself.
+struct OwnStep {
+    /// The state that the first step starts from.
+    begun: Option<DescentState>,
+    /// What is known of patches with what was seen.
+    patches: Vec<Patch>,
+    /// The mean loss seen, and what of it is noise, where that was measured.
+    loss: f64,
+    noise: Option<f64>,
+    /// By inks, `[point][layer][ink]`, smooth.
+    gradient: Vec<f32>,
+}
+
 impl Descent {
-    fn descend(
+    /// A step from a state, or from one that is `begun`.
+    fn plan_own(
+        &self,
+        setup: &Setup<'_>,
+        tools: &DescentTools,
+        state: &DescentState,
+        mut begun: Option<DescentState>,
+        seen: &Seen<'_>,
+        control: &Control<'_>,
+    ) -> Result<OwnStep, RefineError> {
+        let found = tools.loss(setup, seen, control)?;
+        let from = begun.as_ref().unwrap_or(state);
+        let mut patches = from.patches.clone();
+        tools.patches.judge(&mut patches, &found.loss);
+        let noise = match from.asks_for_noise() {
+            true => Some(tools.noise(setup, seen, control)?),
+            false => None,
+        };
+        let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
+        if let Some(begun) = begun.as_mut().filter(|_| self.rule != StepRule::Adam) {
+            let by_inks = self.curvature(setup, tools, seen, draw, &found, control)?;
+            begun.take_curvature(setup, &by_inks, found.expected());
+        }
+        let loss = found.mean();
+        let d_shown = |viewing: usize, point: u32| found.slopes[viewing].gradient[point as usize];
+        let mut gradient = pull(setup, seen, draw, &setup.points, d_shown, control)?;
+        drop(found);
+        step::smooth(Cells::of(setup), &mut gradient, &tools.fine, control)?;
+        Ok(OwnStep { begun, patches, loss, noise, gradient })
+    }
+
+    fn take_own(
         &self,
         setup: &Setup<'_>,
         tools: &DescentTools,
         state: &mut DescentState,
-        seen: &Seen<'_>,
-        control: &Control<'_>,
-    ) -> Result<Moved, RefineError> {
-        let found = tools.loss(setup, seen, control)?;
-        tools.patches.judge(&mut state.patches, &found.loss);
-        let total = found.mean();
-        state.losses.push(total);
-        let noise = match state.asks_for_noise() {
-            true => Some(tools.noise(setup, seen, control)?),
-            false => None,
-        };
+        step: OwnStep,
+    ) -> Moved {
+        let OwnStep { begun, patches, loss, noise, gradient } = step;
+        if let Some(begun) = begun {
+            *state = begun;
+        }
+        state.patches = patches;
+        state.losses.push(loss);
         if let Some(noise) = noise {
-            state.take_noise(total, noise);
+            state.take_noise(loss, noise);
         }
-
-        let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
-        if state.steps == 0 && self.rule != StepRule::Adam {
-            let by_inks = self.curvature(setup, tools, seen, draw, &found, control)?;
-            state.take_curvature(setup, &by_inks, found.expected());
-        }
-        let d_shown = |viewing: usize, point: u32| found.slopes[viewing].gradient[point as usize];
-        let gradient = pull(setup, seen, draw, &setup.points, d_shown, control)?;
-        let moved = step::take(self, Cells::of(setup), state, tools, gradient, control)?;
+        let moved = step::take(self, Cells::of(setup), state, tools, gradient);
         state.steps += 1;
-        Ok(Moved { loss: Some(total), noise, step: Some(moved), settled: settled(&state.losses) })
+        Moved { loss: Some(loss), noise, step: Some(moved), settled: settled(&state.losses) }
     }
 
     /// Bounds of the curvature by inks, but for a factor, from some of the points.

@@ -76,12 +76,26 @@ impl DescentState {
         Self { inks, moves, ..Self::default() }
     }
 
-    pub(super) fn check(&self, setup: &Setup<'_>) -> Result<(), RefineError> {
+    /// Checks what mixtures follow from.
+    pub(super) fn check_shares(&self, setup: &Setup<'_>) -> Result<(), RefineError> {
         let cells = Cells::of(setup);
-        let values = setup.points.len() * cells.row();
         let invalid = |reason: &str| Err(RefineError::invalid("checkpoint", reason));
-        if self.inks.len() != values || self.moves.len() != values {
+        if self.inks.len() != setup.points.len() * cells.row() {
             return invalid("has not the cells of this object");
+        }
+        let whole = |shares: &[u16]| shares.iter().map(|&s| u32::from(s)).sum::<u32>() <= WHOLE as u32;
+        if !self.inks.chunks_exact(cells.inks).all(whole) {
+            return invalid("has a mixture of more than its whole");
+        }
+        Ok(())
+    }
+
+    pub(super) fn check(&self, setup: &Setup<'_>) -> Result<(), RefineError> {
+        self.check_shares(setup)?;
+        let values = setup.points.len() * Cells::of(setup).row();
+        let invalid = |reason: &str| Err(RefineError::invalid("checkpoint", reason));
+        if self.moves.len() != values {
+            return invalid("has not the moves of this object's cells");
         }
         if self.steps > 0 && self.curvatures.len() != values {
             return invalid("lacks curvatures");
@@ -93,10 +107,6 @@ impl DescentState {
             || !self.last_gradient.iter().all(|d| d.is_finite())
         {
             return invalid("has not the derivatives of this object");
-        }
-        let whole = |shares: &[u16]| shares.iter().map(|&s| u32::from(s)).sum::<u32>() <= WHOLE as u32;
-        if !self.inks.chunks_exact(cells.inks).all(whole) {
-            return invalid("has a mixture of more than its whole");
         }
         let finite = self.most_curvature.is_finite()
             && self.losses.iter().chain(&self.noise).all(|l| l.is_finite())

@@ -16,16 +16,14 @@ const DECAY: f32 = 20.0;
 /// The most that a share changes in a step.
 const MOST: f32 = 0.25;
 
-/// Moves every cell; returns the mean change of a share.
+/// Moves every cell against smooth derivatives; returns the mean change of a share.
 pub(super) fn take(
     descent: &Descent,
     cells: Cells,
     state: &mut DescentState,
     tools: &DescentTools,
-    mut gradient: Vec<f32>,
-    control: &Control<'_>,
-) -> Result<f64, Cancelled> {
-    smooth(cells, &mut gradient, &tools.fine, control)?;
+    gradient: Vec<f32>,
+) -> f64 {
     let by = By::of(descent, state, &gradient, cells);
     let row = cells.row();
     let most = state.most_curvature;
@@ -82,7 +80,7 @@ pub(super) fn take(
     if descent.rule == StepRule::BarzilaiBorwein {
         state.last_gradient = gradient;
     }
-    Ok(moved.iter().sum::<f64>() / (moved.len() * row).max(1) as f64)
+    moved.iter().sum::<f64>() / (moved.len() * row).max(1) as f64
 }
 
 /// What decides a step's length.

@@ -29,6 +29,9 @@ pub(super) fn pictured<'a>(
 /// Values that are predicted at a time: many bands of a large surface would take hundreds of bytes a voxel more.
 const PART_VALUES: usize = 1 << 20;
 
+/// Surfaces of more voxels are shown by paths alone: what the network keeps of them would be most of a job's memory.
+const MOST_BY_NETWORK: usize = 4_000_000;
+
 /// Labels as they look.
 pub(super) struct Appearance {
     /// Linear RGB of every surface voxel relative to the print's white.
@@ -69,7 +72,7 @@ impl PrintJob {
     }
 
     /// Two halves of paths, linear RGB relative to the print's white, without noise: by the network, whose own error they
-    /// tell, where it fits the object; otherwise by themselves.
+    /// tell, where it fits the object and that is not too large; otherwise by themselves.
     pub(super) fn for_the_eye(
         &self,
         labels: &LabelGrid,
@@ -79,7 +82,10 @@ impl PrintJob {
         control: &Control<'_>,
     ) -> Result<Vec<[f32; 3]>, PrintError> {
         let silent = control.silent();
-        let guess = self.by_network(labels, object, viewing, &silent)?.map(|network| network.colors);
+        let guess = match object.surface().len() <= MOST_BY_NETWORK {
+            true => self.by_network(labels, object, viewing, &silent)?.map(|network| network.colors),
+            false => None,
+        };
         let halves = halves.each_ref().map(Vec::as_slice);
         Ok(without_noise(object, labels, viewing.leading_channels(), halves, guess.as_deref(), &silent)?)
     }

@@ -133,19 +133,8 @@ impl PrintJob {
         let s = &self.settings;
         let judge = Judge::new(JudgeInput::from(aimed.problem()), s.judge, s.seed, control)?
             .with_gamut_target(&aimed.gamut_target, control)?;
-        let tracer = predictors::monte_carlo(s, s.judge_spp, &self.team)?;
-        let capabilities = tracer.supports(&aimed.object)?;
-        let mut bound = tracer.bind(aimed.object.clone())?;
-        let mut precise =
-            predictors::monte_carlo(s, s.judge_point_spp, &self.team)?.bind(aimed.object.clone())?;
-        let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 2 * total);
-        let (first, second) = (half(0), half(1));
         let silent = control.silent();
-        let mut look = |labels: &LabelGrid, control: Control<'_>| {
-            judge.judge_with(labels, &mut *bound, &mut *precise, capabilities, &control)
-        };
-        let before = look(&refined.unrefined, silent.with_progress(&first))?;
-        let after = look(&refined.labels, silent.with_progress(&second))?;
+        let [before, after] = self.judgements(&judge, aimed, refined, control)?;
         let prediction = match self.network_alone(aimed, &refined.labels, judge.points(), &silent)? {
             Some(radiance) => Some(PredictionError::of(&after.prediction_error(&radiance)?)),
             None => None,
@@ -161,6 +150,32 @@ impl PrintJob {
             [judge.error_parts(&appearance[0], &silent)?, judge.error_parts(&appearance[1], &silent)?];
         let (lights, light_looks) = self.lights(aimed, [&refined.unrefined, &refined.labels], &silent)?;
         Ok(Verdict { evaluation, prediction, picture, lights, light_looks, appearance, parts })
+    }
+
+    /// What fresh paths say of the labels before and after.
+    fn judgements(
+        &self,
+        judge: &Judge<'_>,
+        aimed: &Aimed,
+        refined: &Refined,
+        control: &Control<'_>,
+    ) -> Result<[Judgement; 2], PrintError> {
+        let s = &self.settings;
+        let tracer = predictors::monte_carlo(s, s.judge_spp, &self.team)?;
+        let capabilities = tracer.supports(&aimed.object)?;
+        let mut bound = tracer.bind(aimed.object.clone())?;
+        let mut precise =
+            predictors::monte_carlo(s, s.judge_point_spp, &self.team)?.bind(aimed.object.clone())?;
+        let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 2 * total);
+        let (first, second) = (half(0), half(1));
+        let silent = control.silent();
+        let mut look = |labels: &LabelGrid, control: Control<'_>| {
+            judge.judge_with(labels, &mut *bound, &mut *precise, capabilities, &control)
+        };
+        Ok([
+            look(&refined.unrefined, silent.with_progress(&first))?,
+            look(&refined.labels, silent.with_progress(&second))?,
+        ])
     }
 
     /// Labels before and after under all lights, where there are several.

@@ -124,11 +124,11 @@ impl PrintJob {
         let mut labels = aimed.solid.clone();
         let (refined, colors) = monitor.run(Stage::Refine, |control| {
             let mut bound = predictor.bind(aimed.object.clone())?;
-            let mut refinement = match workspace.load(REFINEMENT)? {
-                Some(bytes) => {
-                    let saved = Saved::from_bytes(&bytes).map_err(|e| unusable(workspace, e))?;
-                    Refinement::resume(problem, strategy, settings, saved, control)?
-                }
+            let saved = workspace.load_with(REFINEMENT, |input, length| {
+                Saved::read_from(input, length).map_err(|e| unusable(workspace, e))
+            })?;
+            let mut refinement = match saved {
+                Some(saved) => Refinement::resume(problem, strategy, settings, saved, control)?,
                 None => Refinement::new(problem, strategy, settings, control)?,
             };
             let mut pace = Pace::default();
@@ -140,7 +140,7 @@ impl PrintJob {
                 };
                 refinement.step(&mut labels, &mut *bound, &control.silent().with_progress(&progress))?;
                 if refinement.is_finished() || pace.is_due() {
-                    pace.keep(|| workspace.save(REFINEMENT, || Ok(refinement.save().to_bytes()?)))?;
+                    pace.keep(|| workspace.save_with(REFINEMENT, |out| refinement.kept().write_to(out)))?;
                 }
             }
             let colors = colors(&refinement);

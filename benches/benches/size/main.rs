@@ -1,0 +1,75 @@
+//! What prints of growing size cost: seconds by stage and memory, each size in a process of its own, with the exponents
+//! by which they grow.
+//!
+//! `cargo bench -p pellucid-benches --bench size`: two small sizes, in minutes; `-- --full` to 60 mm, for
+//! `docs/results/size`, in hours. A study that was cut off goes on where it was. Further models by `--model`.
+
+mod job;
+mod report;
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use job::{Cost, Measured, Task};
+use pellucid_benches::appearance::Error;
+use pellucid_benches::study::{Kept, Record, Study, StudySettings};
+
+/// Cost by size
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    study: StudySettings,
+    /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
+    /// A model instead of the vase of datasets/models
+    #[arg(long, value_name = "FILE")]
+    model: Vec<PathBuf>,
+    /// Heights in mm instead of the study's own
+    #[arg(long, value_name = "MM,…", value_delimiter = ',')]
+    heights: Vec<f64>,
+    /// One job, whose cost is printed: what the study runs in processes of their own
+    #[arg(long, hide = true)]
+    task: Option<String>,
+}
+
+fn main() -> Result<(), Error> {
+    let args = Args::parse();
+    match &args.task {
+        Some(task) => {
+            let cost = serde_json::from_str::<Task>(task)?.run()?;
+            println!("{}", serde_json::to_string(&cost)?);
+            Ok(())
+        }
+        None => study(&args),
+    }
+}
+
+fn study(args: &Args) -> Result<(), Error> {
+    let full = args.study.full;
+    let mut record = Record::now("size", rayon::current_num_threads());
+    record.add("effort", job::EFFORT);
+    let kept = Kept::new("size", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
+    let vase = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/models/vase-hollow.glb");
+    let models = if args.model.is_empty() { vec![PathBuf::from(vase)] } else { args.model.clone() };
+    let heights = match (&args.heights[..], full) {
+        ([], true) => &[10.0, 20.0, 40.0, 60.0][..],
+        ([], false) => &[6.0, 12.0],
+        (own, _) => own,
+    };
+    let mut measured: Vec<Measured> = Vec::new();
+    for model in &models {
+        for strategy in job::STRATEGIES {
+            for &height_mm in heights {
+                let task = Task { model: model.clone(), height_mm, strategy };
+                let cost: Cost = kept.or(&task.name(), || task.run_apart())?;
+                measured.push(Measured { cost, expected_bytes: task.expected_bytes()? });
+            }
+        }
+    }
+    let study = Study::new("size", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let table = report::table(&measured);
+    println!("{}", table.markdown());
+    study.write("Cost by size", &report::markdown(&measured), &table, &report::plot(&measured))?;
+    Ok(())
+}
