@@ -97,8 +97,11 @@ fn study(args: &Args) -> Result<(), Error> {
     pictures.extend(model_pictures);
     let (speeds, stencil_us) = speed::measure(&plan, &validation, &control)?;
     let models: Vec<&str> = models::chosen(full).into_iter().map(|(name, _)| name).collect();
+    let sets = held_out::SETS.iter().chain(&models);
+    let not_judged = sets.flat_map(|set| runs.not_judged(set, &networks).map(move |n| format!("{n}: {set}")));
     let measured = Measured {
         plan: &plan,
+        not_judged: &not_judged.collect::<Vec<_>>(),
         networks: &networks,
         rows: &rows,
         speeds: &speeds,

@@ -21,6 +21,8 @@ pub struct Shown {
 pub struct Measured<'a> {
     pub plan: &'a Plan,
     pub networks: &'a [Finished],
+    /// Networks and what they were not judged on.
+    pub not_judged: &'a [String],
     pub rows: &'a [Row],
     pub speeds: &'a [Speed],
     /// Microseconds that the stencil of a sample takes.
@@ -71,6 +73,13 @@ pub fn markdown(measured: &Measured<'_>, findings: Option<&str>) -> String {
         plan.three_quarters()
     );
     out += &tables::flatness(plan, networks).markdown();
+    if !measured.not_judged.is_empty() {
+        let _ = writeln!(
+            out,
+            "\nNot judged, since the machine that they were trained on, and their weights with it, was gone: {}.",
+            measured.not_judged.join("; ")
+        );
+    }
     for shapes in [Shapes::All, Shapes::Paper] {
         if rows.iter().any(|r| r.shapes == shapes.name()) {
             sets(measured, shapes, &mut out);

@@ -59,26 +59,17 @@ impl Runs {
         self.runs.iter().find(|r| r.shapes == shapes && r.seed == seed && r.variant == variant)
     }
 
-    /// The rows of a set or model for all networks: those that are kept, and what `judge` gives for the others.
+    /// The rows of a set or model for all networks: those that are kept, and what `judge` gives for the others as far as
+    /// their weights are there.
     pub fn rows<'n>(
         &mut self,
         set: &str,
         networks: &'n [Finished],
         judge: impl FnOnce(&[&'n Finished]) -> Result<Vec<Row>, Error>,
     ) -> Result<Vec<Row>, Error> {
-        let known = |runs: &[Run], network: &Finished| {
-            let run = runs.iter().find(|run| run.digest == network.digest)?;
-            run.rows.get(set).cloned()
-        };
-        let open: Vec<&Finished> = networks.iter().filter(|n| known(&self.runs, n).is_none()).collect();
+        let open: Vec<&Finished> =
+            networks.iter().filter(|n| n.trained.is_some() && self.known(n, set).is_none()).collect();
         if !open.is_empty() {
-            if let Some(gone) = open.iter().find(|n| n.trained.is_none()) {
-                let path = self.path.display();
-                return Err(format!(
-                    "{gone}: not judged on {set}, and its weights are gone: take it out of {path} and train it again"
-                )
-                .into());
-            }
             let rows = judge(&open)?;
             for network in open {
                 let own = rows.iter().filter(|row| network.is_of(row)).cloned().collect();
@@ -86,7 +77,20 @@ impl Runs {
             }
             write_whole_bytes(&self.path, &serde_json::to_vec(&self.runs)?)?;
         }
-        Ok(networks.iter().filter_map(|n| known(&self.runs, n)).flatten().collect())
+        Ok(networks.iter().filter_map(|n| self.known(n, set)).flatten().cloned().collect())
+    }
+
+    /// The networks that were not judged on a set or model, and cannot be any more.
+    pub fn not_judged<'n>(
+        &'n self,
+        set: &'n str,
+        networks: &'n [Finished],
+    ) -> impl Iterator<Item = &'n Finished> + 'n {
+        networks.iter().filter(move |n| n.trained.is_none() && self.known(n, set).is_none())
+    }
+
+    fn known(&self, network: &Finished, set: &str) -> Option<&Vec<Row>> {
+        self.runs.iter().find(|run| run.digest == network.digest)?.rows.get(set)
     }
 
     /// The run of a network, which takes the place of an earlier one.

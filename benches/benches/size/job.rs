@@ -86,7 +86,7 @@ impl Task {
         workspace.finish()?;
         std::fs::remove_dir_all(&out)?;
         Ok(Cost {
-            model: model.name().to_owned(),
+            model: self.model.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             strategy: self.strategy,
             height_mm: self.height_mm,
             surface_voxels: report.surface_voxels,

@@ -1,8 +1,8 @@
 //! What prints of growing size cost: seconds by stage and memory, each size in a process of its own, with the exponents
 //! by which they grow.
 //!
-//! `cargo bench -p pellucid-benches --bench size`: two small sizes, in minutes; `-- --full` to 60 mm, for
-//! `docs/results/size`, in hours. A study that was cut off goes on where it was. Further models by `--model`.
+//! `cargo bench -p pellucid-benches --bench size`: two small sizes, in minutes; `-- --full` to 40 mm, for
+//! `docs/results/size`, in an hour. A study that was cut off goes on where it was. Further models by `--also FILE=MM,…`.
 
 mod job;
 mod report;
@@ -22,12 +22,9 @@ struct Args {
     /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
-    /// A model instead of the vase of datasets/models
-    #[arg(long, value_name = "FILE")]
-    model: Vec<PathBuf>,
-    /// Heights in mm instead of the study's own
-    #[arg(long, value_name = "MM,…", value_delimiter = ',')]
-    heights: Vec<f64>,
+    /// Further models and the heights in mm that they are printed at
+    #[arg(long, value_name = "FILE=MM,…", value_parser = further)]
+    also: Vec<(PathBuf, Vec<f64>)>,
     /// One job, whose cost is printed: what the study runs in processes of their own
     #[arg(long, hide = true)]
     task: Option<String>,
@@ -45,22 +42,24 @@ fn main() -> Result<(), Error> {
     }
 }
 
+/// A model and its heights.
+fn further(text: &str) -> Result<(PathBuf, Vec<f64>), String> {
+    let (file, heights) = text.rsplit_once('=').ok_or("FILE=MM,… is needed")?;
+    let heights = heights.split(',').map(|mm| mm.parse().map_err(|_| format!("{mm:?} is no height in mm")));
+    Ok((PathBuf::from(file), heights.collect::<Result<_, _>>()?))
+}
+
 fn study(args: &Args) -> Result<(), Error> {
     let full = args.study.full;
     let mut record = Record::now("size", rayon::current_num_threads());
     record.add("effort", job::EFFORT);
     let kept = Kept::new("size", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
     let vase = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/models/vase-hollow.glb");
-    let models = if args.model.is_empty() { vec![PathBuf::from(vase)] } else { args.model.clone() };
-    let heights = match (&args.heights[..], full) {
-        ([], true) => &[10.0, 20.0, 40.0, 60.0][..],
-        ([], false) => &[6.0, 12.0],
-        (own, _) => own,
-    };
+    let heights = if full { vec![10.0, 20.0, 40.0] } else { vec![6.0, 12.0] };
     let mut measured: Vec<Measured> = Vec::new();
-    for model in &models {
+    for (model, heights) in std::iter::once((PathBuf::from(vase), heights)).chain(args.also.clone()) {
         for strategy in job::STRATEGIES {
-            for &height_mm in heights {
+            for &height_mm in &heights {
                 let task = Task { model: model.clone(), height_mm, strategy };
                 let cost: Cost = kept.or(&task.name(), || task.run_apart())?;
                 measured.push(Measured { cost, expected_bytes: task.expected_bytes()? });

@@ -233,7 +233,7 @@ enum Kind {
 /// A step of descent itself.
 struct OwnStep {
     /// The state that the first step starts from.
-    begun: Option<DescentState>,
+    begun: Option<Box<DescentState>>,
     /// What is known of patches with what was seen.
     patches: Vec<Patch>,
     /// The mean loss seen, and what of it is noise, where that was measured.
@@ -250,12 +250,13 @@ impl Descent {
         setup: &Setup<'_>,
         tools: &DescentTools,
         state: &DescentState,
-        mut begun: Option<DescentState>,
+        begun: Option<DescentState>,
         seen: &Seen<'_>,
         control: &Control<'_>,
     ) -> Result<OwnStep, RefineError> {
         let found = tools.loss(setup, seen, control)?;
-        let from = begun.as_ref().unwrap_or(state);
+        let mut begun = begun.map(Box::new);
+        let from = begun.as_deref().unwrap_or(state);
         let mut patches = from.patches.clone();
         tools.patches.judge(&mut patches, &found.loss);
         let noise = match from.asks_for_noise() {
@@ -284,7 +285,7 @@ impl Descent {
     ) -> Moved {
         let OwnStep { begun, patches, loss, noise, gradient } = step;
         if let Some(begun) = begun {
-            *state = begun;
+            *state = *begun;
         }
         state.patches = patches;
         state.losses.push(loss);
