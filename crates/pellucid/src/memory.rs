@@ -122,8 +122,8 @@ fn need_by(
 ) -> MemoryNeed {
     // Of a surface voxel, of one of its channels, of a coloured voxel: fits to the study `size`.
     let [surface, channel, coloured] = match strategy {
-        StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => [500.0, 8.0, 7.0],
-        StrategyKind::Descent => [1200.0, 12.0, 20.0],
+        StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => [830.0, 8.0, 18.0],
+        StrategyKind::Descent => [1250.0, 12.0, 20.0],
     };
     let Extent { solid, box_mm3 } = extent;
     let coloured_voxels = solid.volume_mm3.min(solid.area_mm2 * depth_mm) / voxel_mm3;
