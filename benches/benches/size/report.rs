@@ -70,8 +70,8 @@ fn exponents(costs: &[&Cost], of: impl Fn(&Cost) -> f64) -> String {
 /// The text.
 pub fn markdown(measured: &[Measured]) -> String {
     let mut out = String::from(
-        "Each row is a job in a process of its own, checkpoints and all files included. Peaks are the process's resident \
-         memory; \"expected\" is what `PrintJob::memory_need` said of it before the work began.\n\n",
+        "Each row is a job in a process of its own, checkpoints and all files included. Seconds are by the clock, \
+         and hold only as far as the machine had no other work. Peaks are the process's resident memory; \"expected\" is what `PrintJob::memory_need` said of it before the work began.\n\n",
     );
     out += &table(measured).markdown();
     out += "\n## Exponents\n\nBy which a cost grows with the height, from each size to the next: surfaces grow by 2, \
