@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
+use pellucid::core::memory::peak_bytes;
 use pellucid::job::ProofFiles;
 use pellucid::mesh::{ImportLimits, Scale, import_path};
 use pellucid::refine::{Descent, Effort, RefineSettings};
@@ -120,11 +121,4 @@ impl Cost {
     pub fn stage(&self, name: &str) -> f64 {
         self.stages.iter().filter(|(stage, _)| stage == name).map(|(_, seconds)| seconds).sum()
     }
-}
-
-/// The process's peak of resident memory, where Linux tells.
-fn peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(1024 * line.split_whitespace().next()?.parse::<u64>().ok()?)
 }

@@ -1,8 +1,5 @@
 //! The study's table, text and plot.
 
-use std::fmt::Write;
-
-use pellucid::StrategyKind;
 use pellucid_benches::study::{Axis, Panel, Plot, Series, Table};
 
 use super::job::{Cost, Measured};
@@ -70,8 +67,9 @@ fn exponents(costs: &[&Cost], of: impl Fn(&Cost) -> f64) -> String {
 /// The text.
 pub fn markdown(measured: &[Measured]) -> String {
     let mut out = String::from(
-        "Each row is a job in a process of its own, checkpoints and all files included. Seconds are by the clock, \
-         and hold only as far as the machine had no other work. Peaks are the process's resident memory; \"expected\" is what `PrintJob::memory_need` said of it before the work began.\n\n",
+        "Each row is a job in a process of its own, checkpoints and all files included. Seconds are by the clock, and hold \
+         only as far as the machine had no other work. Peaks are the process's resident memory; \"expected\" is what \
+         `PrintJob::memory_need` said of it before the work began.\n\n",
     );
     out += &table(measured).markdown();
     out += "\n## Exponents\n\nBy which a cost grows with the height, from each size to the next: surfaces grow by 2, \
@@ -104,17 +102,6 @@ pub fn markdown(measured: &[Measured]) -> String {
         ]);
     }
     out += &exponent_table.markdown();
-    let by_default = measured.iter().map(|m| &m.cost).filter(|c| c.strategy == StrategyKind::default());
-    let largest = by_default.max_by_key(|c| c.peak_bytes);
-    if let Some(cost) = largest {
-        let _ = write!(
-            out,
-            "\nThe largest by the default strategy: {} at {} mm, {:.1} GiB.\n",
-            cost.model,
-            cost.height_mm,
-            cost.peak_bytes as f64 / GIB
-        );
-    }
     out
 }
 

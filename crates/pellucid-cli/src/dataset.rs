@@ -1,5 +1,6 @@
 //! `pellucid dataset`: files of labelled points.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 

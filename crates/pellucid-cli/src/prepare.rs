@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
+use pellucid::core::memory::{free_bytes, peak_bytes};
 use pellucid::core::team::Alone;
 use pellucid::core::{Bytes, Team, staging};
 use pellucid::job::ProofFiles;
@@ -17,7 +18,7 @@ use pellucid::{
     Workspace,
 };
 
-use crate::progress::{Bars, free_memory, peak_memory_bytes};
+use crate::progress::Bars;
 use crate::subject::Subject;
 use crate::{Failure, arguments, summary, terminal};
 
@@ -163,7 +164,7 @@ fn prepare_as(args: &Args, team: &Arc<dyn Team>, cancel: &AtomicBool) -> Result<
     let model = args.subject.import(job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
     tell_memory(args, &job, &model)?;
     let spectral = spectral_image(args, earlier.as_ref())?;
-    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
+    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_bytes);
     let prepared = match &spectral {
         Some(image) => job.prepare_spectral(&model, image, &workspace, &monitor),
         None => job.prepare(&model, &workspace, &monitor),
@@ -190,18 +191,17 @@ fn prepare_as(args: &Args, team: &Arc<dyn Team>, cancel: &AtomicBool) -> Result<
 
 /// Says what memory the job will take, and refuses it where that is too much.
 fn tell_memory(args: &Args, job: &PrintJob, model: &Model) -> Result<(), Failure> {
-    let need = job.check_memory(model, args.memory.unwrap_or(Bytes(u64::MAX)))?;
+    let need = match args.memory {
+        Some(limit) => job.check_memory(model, limit)?,
+        None => job.memory_need(model)?,
+    };
     terminal::note(format!(
         "memory: about {}, for {} thousand surface voxels",
         need.bytes,
         need.surface_voxels.div_ceil(1000)
     ));
-    if let Some(free) = free_memory().filter(|&free| args.memory.is_none() && need.bytes > free) {
-        terminal::note(format!(
-            "warning: {} are free; with --memory {} a job of that size is refused, with what would do",
-            free,
-            free.to_string().replace(' ', "")
-        ));
+    if let Some(free) = free_bytes().map(Bytes).filter(|&free| args.memory.is_none() && need.bytes > free) {
+        terminal::note(format!("warning: {free} are free; --memory with that much tells what would fit"));
     }
     Ok(())
 }

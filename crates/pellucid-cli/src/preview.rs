@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+use pellucid::core::memory::peak_bytes;
 use pellucid::job::{PreviewReport, ProofFiles};
 use pellucid::{Monitor, PredictorKind, PrintJob};
 
-use crate::progress::{Bars, peak_memory_bytes};
+use crate::progress::Bars;
 use crate::subject::Subject;
 use crate::{Failure, terminal};
 
@@ -39,7 +40,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     job.check_preview_output(&args.out, args.force)?;
     let bars = Bars::new();
     let model = args.subject.import(job.settings().clear_from_alpha, earlier.as_ref(), &bars)?;
-    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
+    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_bytes);
     let files = ProofFiles { html: ProofFiles::built().html, glb: false };
     let mut force = args.force;
     let preview = job.preview(

@@ -5,7 +5,6 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use pellucid::core::Bytes;
 use pellucid::stage::{Observer, Stage};
 
 use crate::terminal::note;
@@ -67,22 +66,4 @@ impl Observer for Bars {
             _ => note(line),
         }
     }
-}
-
-/// The process's peak resident memory in bytes, from Linux's `/proc`; `None` elsewhere.
-pub fn peak_memory_bytes() -> Option<u64> {
-    bytes_of("/proc/self/status", "VmHWM:")
-}
-
-/// Memory that the system can give without swapping, from Linux's `/proc`; `None` elsewhere.
-pub fn free_memory() -> Option<Bytes> {
-    bytes_of("/proc/meminfo", "MemAvailable:").map(Bytes)
-}
-
-/// A line of a file that counts in KiB.
-fn bytes_of(file: &str, name: &str) -> Option<u64> {
-    let text = std::fs::read_to_string(file).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kib * 1024)
 }

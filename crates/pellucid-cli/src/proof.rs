@@ -7,12 +7,13 @@ use std::sync::atomic::AtomicBool;
 use pellucid::color::RenderingIntent;
 use pellucid::core::Control;
 use pellucid::core::files::read_text_bounded;
+use pellucid::core::memory::peak_bytes;
 use pellucid::job::{ProofFiles, SlicesProof, SlicesReport};
 use pellucid::slice::{ExportSettings, ImageStack, Manifest, check, list_images, read_images, read_stack};
 use pellucid::voxel::{LabelGrid, Pitch};
 use pellucid::{GradientKind, Monitor, PredictorKind, PrintJob, PrintSettings, Record, StrategyKind};
 
-use crate::progress::{Bars, peak_memory_bytes};
+use crate::progress::Bars;
 use crate::{Failure, arguments, terminal};
 
 /// Most bytes of a palette.
@@ -84,7 +85,7 @@ pub fn run(args: &Args, cancel: &AtomicBool) -> Result<(), Failure> {
     };
     let job = PrintJob::new(settings)?;
     let bars = Bars::new();
-    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_memory_bytes);
+    let monitor = Monitor::new(&bars, cancel).with_peak_memory(peak_bytes);
     let proof = job.prove(&name_of(&args.print), labels, manifest, &monitor)?;
     let report = proof.write(ProofFiles::built(), &args.out, args.force, &monitor)?;
     terminal::print(&summary(&report, &args.out))?;

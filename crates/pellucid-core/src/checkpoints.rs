@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 
 use crate::FileError;
-use crate::files::{WholeFile, read_bounded, write_whole_bytes};
+use crate::files::{WholeFile, read_bounded, write_whole, write_whole_bytes};
 
 /// Name of the record.
 const RECORD: &str = "record.json";
@@ -166,10 +166,7 @@ impl Checkpoints {
     /// # Errors
     /// [`FileError`].
     pub fn load(&self, name: &str) -> Result<Option<Vec<u8>>, FileError> {
-        match self.folder.as_ref().filter(|_| self.resume).map(|folder| folder.join(name)) {
-            Some(path) if path.exists() => Ok(Some(read_bounded(path, LIMIT)?)),
-            _ => Ok(None),
-        }
+        self.kept(name).map(|path| read_bounded(path, LIMIT)).transpose()
     }
 
     /// The file that a step left, where the work goes on.
@@ -177,10 +174,13 @@ impl Checkpoints {
     /// # Errors
     /// [`FileError`].
     pub fn open(&self, name: &str) -> Result<Option<File>, FileError> {
-        match self.folder.as_ref().filter(|_| self.resume).map(|folder| folder.join(name)) {
-            Some(path) if path.exists() => Ok(Some(File::open(&path).map_err(FileError::at("read", &path))?)),
-            _ => Ok(None),
-        }
+        self.kept(name).map(|path| File::open(&path).map_err(FileError::at("read", path))).transpose()
+    }
+
+    /// Where a step's file is, where the work goes on.
+    fn kept(&self, name: &str) -> Option<PathBuf> {
+        let folder = self.folder.as_ref().filter(|_| self.resume)?;
+        Some(folder.join(name)).filter(|path| path.exists())
     }
 
     /// Whether [`Checkpoints::save`] keeps anything, so that its bytes are worth making.
@@ -211,10 +211,7 @@ impl Checkpoints {
             fs::create_dir_all(folder).map_err(FileError::at("create", folder))?;
             write_whole_bytes(&path, format!("{record:#}\n").as_bytes())?;
         }
-        let path = folder.join(name);
-        let mut out = BufWriter::new(WholeFile::create(&path)?);
-        let written = write(&mut out).and_then(|()| out.into_inner().map_err(io::IntoInnerError::into_error));
-        written.map_err(FileError::at("write", &path))?.commit()
+        write_whole(folder.join(name), write)
     }
 
     /// Removes the checkpoints `names` of work that is complete, the record and the folder. What others put there

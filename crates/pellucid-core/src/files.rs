@@ -53,7 +53,7 @@ fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 /// ```
 pub fn write_whole(
     path: impl AsRef<Path>,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    write: impl FnOnce(&mut BufWriter<WholeFile>) -> io::Result<()>,
 ) -> Result<(), FileError> {
     let path = path.as_ref();
     let mut out = BufWriter::new(WholeFile::create(path)?);

@@ -2,13 +2,13 @@
 //!
 //! | module | owns |
 //! | --- | --- |
-//! | [`bytes`] | amounts of memory: [`Bytes`] |
 //! | `checkpoints` | what long work has done, kept in a folder: `Checkpoints` (feature `json`) |
 //! | [`control`] | progress and cancellation of long work: [`Control`], [`Cancelled`] |
 //! | [`fault`] | what is wrong with which input, and what would be right: [`Fault`], [`FileError`], [`chain`] |
 //! | [`digest`] | telling data apart: [`Digest`] |
 //! | [`files`] | reading no more than a bound, writing whole or not at all |
 //! | `json` | errors of JSON files in plain words (feature `json`) |
+//! | [`memory`] | amounts of memory: [`Bytes`], and what a process takes |
 //! | [`random`] | numbers addressed by seed, domain, item and sample |
 //! | [`instruction_set`] | which vector instructions are used, and how to force fewer |
 //! | [`staging`] | output folders that appear complete or not at all |
@@ -16,7 +16,6 @@
 //! | [`team`] | processes that share out their work: [`Team`] |
 #![forbid(unsafe_code)]
 
-pub mod bytes;
 #[cfg(feature = "json")]
 pub mod checkpoints;
 pub mod control;
@@ -26,18 +25,19 @@ pub mod files;
 pub mod instruction_set;
 #[cfg(feature = "json")]
 pub mod json;
+pub mod memory;
 pub mod random;
 pub mod staging;
 pub mod stats;
 pub mod team;
 
-pub use bytes::Bytes;
 #[cfg(feature = "json")]
 pub use checkpoints::{CheckpointError, Checkpoints};
 pub use control::{Cancelled, Control, Progress};
 pub use digest::Digest;
 pub use fault::{Fault, FileError, chain};
 pub use instruction_set::InstructionSet;
+pub use memory::Bytes;
 pub use random::{Domain, stream};
 pub use stats::{ErrorStats, NoisyScore};
 pub use team::Team;

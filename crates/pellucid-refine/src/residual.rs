@@ -28,15 +28,18 @@ pub(crate) fn check(setup: &Setup<'_>, residual: &[[f32; 3]]) -> Result<(), Refi
     Ok(())
 }
 
-/// Forgets what could not be taken, since a target out of reach must not wind the residual up or it would go on pushing
-/// the colours that can still be reached; then adds the gain's share of the shortfall.
-pub(crate) fn advance(residual: &mut [[f32; 3]], setup: &Setup<'_>, seen: &Seen<'_>, gain: f32) {
+/// Residuals that have forgotten what could not be taken, since a target out of reach must not wind them up or they would
+/// go on pushing the colours that can still be reached; with the gain's share of the shortfall added.
+pub(crate) fn advanced(
+    residual: &[[f32; 3]],
+    setup: &Setup<'_>,
+    seen: &Seen<'_>,
+    gain: f32,
+) -> Vec<[f32; 3]> {
     let seen = seen.smoothed.par_iter().zip(seen.overflow).zip(setup.problem.printable_target);
-    residual.par_iter_mut().zip(seen).for_each(|(residual, ((&smoothed, overflow), &target))| {
+    let advanced = residual.par_iter().zip(seen).map(|(residual, ((&smoothed, overflow), &target))| {
         let (target, smoothed) = (encode(target), encode(smoothed));
-        for c in 0..3 {
-            let shortfall = target[c] - smoothed[c];
-            residual[c] = (residual[c] - overflow[c]) + gain * shortfall;
-        }
+        std::array::from_fn(|c| (residual[c] - overflow[c]) + gain * (target[c] - smoothed[c]))
     });
+    advanced.collect()
 }

@@ -25,7 +25,7 @@ pub struct Saved<S> {
     pub settings: RefineSettings,
     /// [`Object::id`](pellucid_predict::Object::id).
     pub object: u64,
-    /// Digest of targets, viewing and inks.
+    /// Digested of targets, viewing and inks.
     pub colors: u64,
     /// The next iteration.
     pub iteration: u32,
@@ -66,11 +66,12 @@ impl<S: Serialize> Saved<S> {
     /// # Errors
     /// Those of `out`; when the strategy's state does not serialise.
     pub fn write_to(&self, mut out: impl Write + Seek) -> io::Result<()> {
-        let mut counted = Digest::new(0, io::sink());
+        // The digest begins with the length, which is known only after all was written once.
+        let mut counted = Digested::new(0, io::sink());
         serde_json::to_writer(&mut counted, self)?;
         let start = out.stream_position()?;
         write!(out, "{HEADER}\n{:016x}\n", 0)?;
-        let mut digest = Digest::new(counted.length, &mut out);
+        let mut digest = Digested::new(counted.length, &mut out);
         serde_json::to_writer(&mut digest, self)?;
         let value = digest.value();
         let end = out.stream_position()?;
@@ -122,7 +123,7 @@ impl<S: DeserializeOwned> Saved<S> {
             return Err(invalid("is cut off"));
         };
         let json = length.saturating_sub(head as u64);
-        let mut digest = Digest::new(json, input.take(json));
+        let mut digest = Digested::new(json, input.take(json));
         let saved = serde_json::from_reader(io::BufReader::new(&mut digest));
         // What is damaged is said to be so, whatever else is wrong with it then.
         let rest = io::copy(&mut digest, &mut io::sink());
@@ -133,8 +134,8 @@ impl<S: DeserializeOwned> Saved<S> {
     }
 }
 
-/// The digest of bytes that pass through, and how many they are.
-struct Digest<T> {
+/// Bytes that pass through, with their digest and number.
+struct Digested<T> {
     through: T,
     state: u64,
     /// Bytes of a word that is not whole yet.
@@ -142,7 +143,7 @@ struct Digest<T> {
     length: u64,
 }
 
-impl<T> Digest<T> {
+impl<T> Digested<T> {
     /// Of `length` bytes.
     fn new(length: u64, through: T) -> Self {
         Self { through, state: mix(length.wrapping_add(1)), word: [0; 8], length: 0 }
@@ -175,7 +176,7 @@ impl<T> Digest<T> {
     }
 }
 
-impl<W: Write> Write for Digest<W> {
+impl<W: Write> Write for Digested<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.through.write(bytes)?;
         self.take(&bytes[..written]);
@@ -187,7 +188,7 @@ impl<W: Write> Write for Digest<W> {
     }
 }
 
-impl<R: Read> Read for Digest<R> {
+impl<R: Read> Read for Digested<R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let read = self.through.read(bytes)?;
         self.take(&bytes[..read]);

@@ -127,10 +127,8 @@ impl Strategy for SurfaceColor {
         _: &Control<'_>,
     ) -> Result<SurfaceColorState, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
-        let mut next = state.clone();
-        residual::advance(&mut next.residual, setup, seen, gain);
-        next.step += 1;
-        Ok(next)
+        let residual = residual::advanced(&state.residual, setup, seen, gain);
+        Ok(SurfaceColorState { step: state.step + 1, residual })
     }
 
     fn take(&self, _: &Setup<'_>, (): &(), state: &mut SurfaceColorState, step: SurfaceColorState) -> Moved {

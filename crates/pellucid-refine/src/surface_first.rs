@@ -111,10 +111,8 @@ impl Strategy for SurfaceFirst {
         _: &Control<'_>,
     ) -> Result<SurfaceFirstState, RefineError> {
         let gain = self.gain / (1.0 + self.gain_decay * state.step as f32);
-        let mut next = state.clone();
-        residual::advance(&mut next.residual, setup, seen, gain);
-        next.step += 1;
-        Ok(next)
+        let residual = residual::advanced(&state.residual, setup, seen, gain);
+        Ok(SurfaceFirstState { step: state.step + 1, residual })
     }
 
     fn take(&self, _: &Setup<'_>, (): &(), state: &mut SurfaceFirstState, step: SurfaceFirstState) -> Moved {

@@ -46,9 +46,7 @@ fn sphere(diameter_mm: f64) -> LabelGrid {
 
 /// Largest resident size of this process so far in MiB, where the system tells.
 fn peak_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+    Some(pellucid_core::memory::peak_bytes()? as f64 / f64::from(1 << 20))
 }
 
 /// Processor time of all threads so far in seconds, where the system tells; 100 ticks a second.

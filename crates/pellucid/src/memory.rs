@@ -2,14 +2,14 @@
 
 use pellucid_core::{Bytes, Fault};
 use pellucid_mesh::{Model, Placement, SolidSize};
+use pellucid_voxel::TILE_VOXELS;
 
 use crate::{PrintError, PrintJob, StrategyKind};
 
 /// Bytes of a job on a next to empty object: colour tables, threads, program.
 const FIXED: f64 = 60e6;
-/// Bytes of a tile of the box: 16 x 16 x 16 voxels that may be all the same.
+/// Bytes of a tile of the box that is all the same: its entries in two grids of labels and in two tables.
 const TILE: f64 = 40.0;
-const TILE_VOXELS: f64 = 4096.0;
 
 /// What a job is expected to take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +45,7 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Mesh`] when the model cannot be placed at the job's scale.
     pub fn memory_need(&self, model: &Model) -> Result<MemoryNeed, PrintError> {
-        Ok(self.need_of(self.extent(model)?))
+        Ok(self.need_by(self.settings().strategy, self.extent(model)?))
     }
 
     /// [`PrintJob::memory_need`] where it is within a limit.
@@ -53,8 +53,8 @@ impl PrintJob {
     /// # Errors
     /// As there; [`PrintError::Unsupported`] past the limit, which tells what size and which strategy would do.
     pub fn check_memory(&self, model: &Model, limit: Bytes) -> Result<MemoryNeed, PrintError> {
-        let extent = self.extent(model)?;
-        let need = self.need_of(extent);
+        let (strategy, extent) = (self.settings().strategy, self.extent(model)?);
+        let need = self.need_by(strategy, extent);
         if need.bytes <= limit {
             return Ok(need);
         }
@@ -64,12 +64,9 @@ impl PrintJob {
             let told = (10.0 * height_mm * part).floor() / 10.0;
             remedies.push(format!("print it at most {told:.1} mm high (--height-mm)"));
         }
-        let by = |strategy| {
-            let bytes = need_by(strategy, self.channels(), self.depth_mm(), self.voxel_mm3(), extent).bytes;
-            (bytes <= limit).then(|| format!("choose the strategy {} ({})", strategy.name(), bytes))
-        };
-        if self.settings().strategy == StrategyKind::Descent {
-            remedies.extend(by(StrategyKind::SurfaceFirst));
+        let quick = self.need_by(StrategyKind::SurfaceFirst, extent).bytes;
+        if strategy == StrategyKind::Descent && quick <= limit {
+            remedies.push(format!("choose the strategy {} ({quick})", StrategyKind::SurfaceFirst.name()));
         }
         remedies.push("allow more (--memory)".to_owned());
         let reason = format!("the job would take about {}, and {limit} are allowed", need.bytes);
@@ -82,13 +79,9 @@ impl PrintJob {
         Ok(Extent { solid, box_mm3: placement.extent_mm().iter().product() })
     }
 
-    fn need_of(&self, extent: Extent) -> MemoryNeed {
-        need_by(self.settings().strategy, self.channels(), self.depth_mm(), self.voxel_mm3(), extent)
-    }
-
     /// Which part of the size is within a limit; none where a tenth is not.
     fn part_within(&self, extent: Extent, limit: Bytes) -> Option<f64> {
-        let fits = |part: f64| self.need_of(extent.times(part)).bytes <= limit;
+        let fits = |part: f64| self.need_by(self.settings().strategy, extent.times(part)).bytes <= limit;
         let [mut low, mut high] = [0.1, 1.0];
         if !fits(low) {
             return None;
@@ -100,41 +93,26 @@ impl PrintJob {
         Some(low)
     }
 
-    fn channels(&self) -> f64 {
-        self.settings().materials.channels() as f64
-    }
-
-    fn depth_mm(&self) -> f64 {
-        self.settings().refine.coloured_depth_mm
-    }
-
-    fn voxel_mm3(&self) -> f64 {
-        self.settings().printer.pitch().volume_mm3()
-    }
-}
-
-fn need_by(
-    strategy: StrategyKind,
-    channels: f64,
-    depth_mm: f64,
-    voxel_mm3: f64,
-    extent: Extent,
-) -> MemoryNeed {
-    // Of a surface voxel, of one of its channels, of a coloured voxel: fits to the study `size`.
-    let [surface, channel, coloured] = match strategy {
-        StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => [830.0, 8.0, 18.0],
-        StrategyKind::Descent => [1250.0, 12.0, 20.0],
-    };
-    let Extent { solid, box_mm3 } = extent;
-    let coloured_voxels = solid.volume_mm3.min(solid.area_mm2 * depth_mm) / voxel_mm3;
-    let bytes = FIXED
-        + solid.surface_voxels * (surface + channels * channel)
-        + coloured_voxels * coloured
-        + box_mm3 / voxel_mm3 / TILE_VOXELS * TILE;
-    MemoryNeed {
-        surface_voxels: solid.surface_voxels as u64,
-        coloured_voxels: coloured_voxels as u64,
-        bytes: Bytes(bytes as u64),
+    fn need_by(&self, strategy: StrategyKind, Extent { solid, box_mm3 }: Extent) -> MemoryNeed {
+        let s = self.settings();
+        // Of a surface voxel, of one of its channels, of a coloured voxel: fits to the study `size`. Where the network is
+        // left out of the proof, they say too much of the heuristic.
+        let [surface, channel, coloured] = match strategy {
+            StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => [830.0, 8.0, 18.0],
+            StrategyKind::Descent => [1250.0, 12.0, 20.0],
+        };
+        let voxel_mm3 = s.printer.pitch().volume_mm3();
+        let coloured_mm3 = solid.volume_mm3.min(solid.area_mm2 * s.refine.coloured_depth_mm);
+        let coloured_voxels = coloured_mm3 / voxel_mm3;
+        let bytes = FIXED
+            + solid.surface_voxels * (surface + s.materials.channels() as f64 * channel)
+            + coloured_voxels * coloured
+            + box_mm3 / voxel_mm3 / TILE_VOXELS as f64 * TILE;
+        MemoryNeed {
+            surface_voxels: solid.surface_voxels as u64,
+            coloured_voxels: coloured_voxels as u64,
+            bytes: Bytes(bytes as u64),
+        }
     }
 }
 

@@ -191,8 +191,7 @@ impl Strategy for Descent {
         control: &Control<'_>,
     ) -> Result<DescentStep, RefineError> {
         let Some(opening) = &state.opening else {
-            let begun = (state.steps == 0).then(|| state.clone());
-            return Ok(DescentStep(Kind::Own(self.plan_own(setup, tools, state, begun, seen, control)?)));
+            return Ok(DescentStep(Kind::Own(self.plan_own(setup, tools, state, None, seen, control)?)));
         };
         if opening.step < self.opening_steps {
             let next = self.opening.plan(setup, &(), opening, seen, control)?;
@@ -210,13 +209,12 @@ impl Strategy for Descent {
         state: &mut DescentState,
         DescentStep(kind): DescentStep,
     ) -> Moved {
-        match (kind, &mut state.opening) {
-            (Kind::Opening(step), Some(opening)) => self.opening.take(setup, &(), opening, step),
-            (Kind::Opening(step), none) => {
-                *none = Some(step);
+        match kind {
+            Kind::Opening(next) => {
+                state.opening = Some(next);
                 Moved::default()
             }
-            (Kind::Own(step), _) => self.take_own(setup, tools, state, step),
+            Kind::Own(step) => self.take_own(setup, tools, state, step),
         }
     }
 }
@@ -225,7 +223,7 @@ impl Strategy for Descent {
 pub struct DescentStep(Kind);
 
 enum Kind {
-    /// A step of the heuristic that opens.
+    /// The next state of the heuristic that opens.
     Opening(SurfaceFirstState),
     Own(OwnStep),
 }

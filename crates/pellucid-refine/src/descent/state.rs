@@ -97,7 +97,7 @@ impl DescentState {
         if self.moves.len() != values {
             return invalid("has not the moves of this object's cells");
         }
-        if self.steps > 0 && self.curvatures.len() != values {
+        if self.curvatures.len() != values {
             return invalid("lacks curvatures");
         }
         if self.doublings > MOST_DOUBLINGS {

@@ -1,4 +1,4 @@
-//! Amounts of memory, to read and to be given.
+//! Amounts of memory, to read and to be given, and what the system says of it.
 
 use std::fmt;
 use std::str::FromStr;
@@ -40,6 +40,24 @@ impl FromStr for Bytes {
         // The cast saturates.
         if bytes >= 1.0 { Ok(Self(bytes as u64)) } else { Err(fault()) }
     }
+}
+
+/// The process's peak resident memory in bytes, from Linux's `/proc`; `None` elsewhere.
+pub fn peak_bytes() -> Option<u64> {
+    line_of("/proc/self/status", "VmHWM:")
+}
+
+/// Bytes that the system can give without swapping, from Linux's `/proc`; `None` elsewhere.
+pub fn free_bytes() -> Option<u64> {
+    line_of("/proc/meminfo", "MemAvailable:")
+}
+
+/// A line of a file that counts in KiB.
+fn line_of(file: &str, name: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kib * 1024)
 }
 
 #[cfg(test)]
