@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
+use pellucid::core::Bytes;
 use pellucid::core::memory::peak_bytes;
 use pellucid::job::ProofFiles;
 use pellucid::mesh::{ImportLimits, Scale, import_path};
@@ -11,8 +12,34 @@ use pellucid::{Monitor, PrintJob, PrintSettings, StrategyKind, Workspace};
 use pellucid_benches::appearance::Error;
 use serde::{Deserialize, Serialize};
 
-/// Strategies that are measured.
-pub const STRATEGIES: [StrategyKind; 2] = [StrategyKind::SurfaceFirst, StrategyKind::Descent];
+/// How prints are refined.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Way {
+    pub strategy: StrategyKind,
+    #[serde(default)]
+    pub section_mm: Option<f64>,
+}
+
+impl Way {
+    /// What is measured at each height; in sections where there are two of them.
+    pub fn all(height_mm: f64, section_mm: f64) -> Vec<Self> {
+        let whole = |strategy| Self { strategy, section_mm: None };
+        let mut ways = vec![whole(StrategyKind::SurfaceFirst), whole(StrategyKind::Descent)];
+        if height_mm >= 2.0 * section_mm {
+            ways.push(Self { strategy: StrategyKind::Descent, section_mm: Some(section_mm) });
+        }
+        ways
+    }
+
+    /// Its name in tables.
+    pub fn name(self) -> String {
+        match self.section_mm {
+            Some(mm) => format!("{} by {mm} mm", self.strategy.name()),
+            None => self.strategy.name().to_owned(),
+        }
+    }
+}
+
 /// Iterations after the unrefined halftone.
 const ITERATIONS: u32 = 4;
 /// What of the defaults is less: paths cost in proportion to their number whatever the size, and memory none.
@@ -24,19 +51,23 @@ pub const EFFORT: &str = "4 iterations, 1 of them the opening's of descent; 2 pa
 pub struct Task {
     pub model: PathBuf,
     pub height_mm: f64,
-    pub strategy: StrategyKind,
+    #[serde(flatten)]
+    pub way: Way,
 }
 
 /// What it took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Cost {
     pub model: String,
-    pub strategy: StrategyKind,
+    #[serde(flatten)]
+    pub way: Way,
     pub height_mm: f64,
     pub surface_voxels: u64,
     pub solid_voxels: u64,
     /// The process's peak, in bytes; 0 where the system does not tell.
     pub peak_bytes: u64,
+    /// Mean CIEDE2000 to the printable target at 0.1 mm.
+    pub error: f64,
     /// Seconds by stage.
     pub stages: Vec<(String, f64)>,
 }
@@ -47,17 +78,24 @@ pub struct Measured {
     pub expected_bytes: u64,
 }
 
+/// A task that was not done for want of memory.
+pub struct TooLarge {
+    pub name: String,
+    pub expected: Bytes,
+}
+
 impl Task {
     /// A name in files.
     pub fn name(&self) -> String {
         let model = self.model.file_stem().unwrap_or_default().to_string_lossy();
-        format!("{model} {} {}", self.strategy.name(), self.height_mm)
+        format!("{model} {} {}", self.way.name(), self.height_mm)
     }
 
     fn settings(&self) -> PrintSettings {
         PrintSettings {
             scale: Scale::HeightMm(self.height_mm),
-            strategy: self.strategy,
+            strategy: self.way.strategy,
+            section_mm: self.way.section_mm,
             spp: Some(2),
             gradient_spp: 1.0,
             judge_spp: 1,
@@ -88,11 +126,12 @@ impl Task {
         std::fs::remove_dir_all(&out)?;
         Ok(Cost {
             model: self.model.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            strategy: self.strategy,
+            way: self.way,
             height_mm: self.height_mm,
             surface_voxels: report.surface_voxels,
             solid_voxels: report.solid_voxels,
             peak_bytes: peak_bytes().unwrap_or(0),
+            error: report.evaluation.refined.at_0_1_mm.printable.mean,
             stages: report.stages.into_iter().map(|time| (time.stage, time.seconds)).collect(),
         })
     }

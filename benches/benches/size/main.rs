@@ -2,7 +2,8 @@
 //! by which they grow.
 //!
 //! `cargo bench -p pellucid-benches --bench size`: two small sizes, in minutes; `-- --full` larger ones, for
-//! `docs/results/size`. A study that was cut off goes on where it was. Further models by `--also FILE=MM,…`.
+//! `docs/results/size`. A study that was cut off goes on where it was. Further models by `--also FILE=MM,…`; prints that
+//! would take more memory than there is are named and left out.
 
 mod job;
 mod report;
@@ -10,7 +11,9 @@ mod report;
 use std::path::PathBuf;
 
 use clap::Parser;
-use job::{Cost, Measured, Task};
+use job::{Cost, Measured, Task, TooLarge, Way};
+use pellucid::core::Bytes;
+use pellucid::core::memory::free_bytes;
 use pellucid_benches::appearance::Error;
 use pellucid_benches::study::{Kept, Record, Study, StudySettings};
 
@@ -25,6 +28,9 @@ struct Args {
     /// Further models and the heights in mm that they are printed at
     #[arg(long, value_name = "FILE=MM,…", value_parser = further)]
     also: Vec<(PathBuf, Vec<f64>)>,
+    /// Most memory of a job: those that are expected to take more are not run. What is free without it
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    memory: Option<Bytes>,
     /// One job, whose cost is printed: what the study runs in processes of their own
     #[arg(long, hide = true)]
     task: Option<String>,
@@ -42,6 +48,11 @@ fn main() -> Result<(), Error> {
     }
 }
 
+/// An amount of memory.
+fn memory(text: &str) -> Result<Bytes, String> {
+    text.parse().map_err(|fault: pellucid::core::Fault| fault.to_string())
+}
+
 /// A model and its heights.
 fn further(text: &str) -> Result<(PathBuf, Vec<f64>), String> {
     let (file, heights) = text.rsplit_once('=').ok_or("FILE=MM,… is needed")?;
@@ -55,20 +66,33 @@ fn study(args: &Args) -> Result<(), Error> {
     record.add("effort", job::EFFORT);
     let kept = Kept::new("size", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
     let vase = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/models/vase-hollow.glb");
-    let heights = if full { vec![10.0, 20.0] } else { vec![6.0, 12.0] };
-    let mut measured: Vec<Measured> = Vec::new();
+    let (heights, section_mm) = if full { (vec![10.0, 20.0], 10.0) } else { (vec![6.0, 12.0], 4.0) };
+    let limit = args.memory.or(free_bytes().map(Bytes)).unwrap_or(Bytes(u64::MAX));
+    let (mut measured, mut too_large): (Vec<Measured>, Vec<TooLarge>) = Default::default();
     for (model, heights) in std::iter::once((PathBuf::from(vase), heights)).chain(args.also.clone()) {
-        for strategy in job::STRATEGIES {
-            for &height_mm in &heights {
-                let task = Task { model: model.clone(), height_mm, strategy };
+        for height_mm in heights {
+            for way in Way::all(height_mm, section_mm) {
+                let task = Task { model: model.clone(), height_mm, way };
+                let expected_bytes = task.expected_bytes()?;
+                if Bytes(expected_bytes) > limit {
+                    too_large.push(TooLarge { name: task.name(), expected: Bytes(expected_bytes) });
+                    continue;
+                }
                 let cost: Cost = kept.or(&task.name(), || task.run_apart())?;
-                measured.push(Measured { cost, expected_bytes: task.expected_bytes()? });
+                measured.push(Measured { cost, expected_bytes });
             }
         }
     }
+    // By way, then by height.
+    measured.sort_by_key(|m| (m.cost.model.clone(), m.cost.way.name()));
     let study = Study::new("size", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
     let table = report::table(&measured);
     println!("{}", table.markdown());
-    study.write("Cost by size", &report::markdown(&measured), &table, &report::plot(&measured))?;
+    study.write(
+        "Cost by size",
+        &report::markdown(&measured, &too_large),
+        &table,
+        &report::plot(&measured),
+    )?;
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use pellucid_benches::study::{Axis, Panel, Plot, Series, Table};
 
-use super::job::{Cost, Measured};
+use super::job::{Cost, Measured, TooLarge};
 
 /// Stages that are told apart.
 const STAGES: [&str; 7] =
@@ -20,6 +20,7 @@ pub fn table(measured: &[Measured]) -> Table {
         ">peak GiB".into(),
         ">bytes a surface voxel".into(),
         ">expected / peak".into(),
+        ">dE2000 at 0.1 mm".into(),
     ];
     columns.extend(STAGES.iter().map(|stage| format!(">{stage} s")));
     columns.push(">all s".into());
@@ -27,13 +28,14 @@ pub fn table(measured: &[Measured]) -> Table {
     for Measured { cost, expected_bytes } in measured {
         let mut row = vec![
             cost.model.clone(),
-            cost.strategy.name().to_owned(),
+            cost.way.name(),
             format!("{}", cost.height_mm),
             format!("{:.0}", cost.surface_voxels as f64 / 1e3),
             format!("{:.1}", cost.solid_voxels as f64 / 1e6),
             format!("{:.2}", cost.peak_bytes as f64 / GIB),
             format!("{:.0}", cost.peak_bytes as f64 / cost.surface_voxels as f64),
             format!("{:.2}", *expected_bytes as f64 / cost.peak_bytes as f64),
+            format!("{:.2}", cost.error),
         ];
         row.extend(STAGES.iter().map(|stage| format!("{:.1}", cost.stage(stage))));
         row.push(format!("{:.1}", cost.seconds()));
@@ -46,7 +48,7 @@ pub fn table(measured: &[Measured]) -> Table {
 fn series(measured: &[Measured]) -> Vec<(String, Vec<&Cost>)> {
     let mut all: Vec<(String, Vec<&Cost>)> = Vec::new();
     for Measured { cost, .. } in measured {
-        let name = format!("{}, {}", cost.model, cost.strategy.name());
+        let name = format!("{}, {}", cost.model, cost.way.name());
         match all.iter_mut().find(|(known, _)| *known == name) {
             Some((_, costs)) => costs.push(cost),
             None => all.push((name, vec![cost])),
@@ -65,13 +67,20 @@ fn exponents(costs: &[&Cost], of: impl Fn(&Cost) -> f64) -> String {
 }
 
 /// The text.
-pub fn markdown(measured: &[Measured]) -> String {
+pub fn markdown(measured: &[Measured], too_large: &[TooLarge]) -> String {
     let mut out = String::from(
         "Each row is a job in a process of its own, checkpoints and all files included. Seconds are by the clock, and hold \
          only as far as the machine had no other work. Peaks are the process's resident memory; \"expected\" is what \
-         `PrintJob::memory_need` said of it before the work began.\n\n",
+         `PrintJob::memory_need` said of it before the work began. \"by 10 mm\" is in sections of that height \
+         (`--section-mm`).\n\n",
     );
     out += &table(measured).markdown();
+    if !too_large.is_empty() {
+        out += "\nNot run, since more memory than the study was given was expected:\n\n";
+        for TooLarge { name, expected } in too_large {
+            out += &format!("- {name} mm: {expected}\n");
+        }
+    }
     out += "\n## Exponents\n\nBy which a cost grows with the height, from each size to the next: surfaces grow by 2, \
             solids by 3. Voxels of both and bytes and seconds of the whole job; then seconds of single stages.\n\n";
     let mut exponent_table = Table::new(&[

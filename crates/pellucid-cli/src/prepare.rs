@@ -62,6 +62,10 @@ pub struct Args {
     /// Refinement iterations at most; 40 without it, 10 of surface-first. 0 leaves the unrefined halftone
     #[arg(long, value_name = "N", value_parser = arguments::count, allow_hyphen_values = true)]
     iterations: Option<u32>,
+    /// Refine in sections so many mm high: takes the memory of a section with what is around it instead of that of the
+    /// print, and more time; as a whole without it
+    #[arg(long, value_name = "MM", value_parser = arguments::size_mm, allow_hyphen_values = true)]
+    section_mm: Option<f64>,
     /// Most memory that the job may take, such as 8GiB or 900MiB: one that would take more is refused before it starts.
     /// Without it, one that would take more than is free is warned of
     #[arg(long, value_name = "SIZE", value_parser = arguments::memory)]
@@ -242,6 +246,7 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
             Strategy::SurfaceColor => StrategyKind::SurfaceColor,
         };
     }
+    settings.section_mm = args.section_mm.or(settings.section_mm);
     if args.output == Output::Texture {
         if args.strategy.is_some_and(|s| !matches!(s, Strategy::SurfaceColor)) {
             return Err(Failure::message(

@@ -86,6 +86,21 @@ impl BlueNoiseMask {
         Ok(Self { size, thresholds })
     }
 
+    /// The same mask whose layer 0 is its layer `first`.
+    ///
+    /// ```
+    /// # use pellucid_halftone::BlueNoiseMask;
+    /// # use pellucid_voxel::{Control, Pitch};
+    /// let mask = BlueNoiseMask::with_size([8, 4, 12], Pitch::j750(), 1, &Control::none())?;
+    /// assert_eq!(mask.clone().from_layer(31).threshold([3, 1, 2]), mask.threshold([3, 1, 33]));
+    /// # Ok::<(), pellucid_core::Cancelled>(())
+    /// ```
+    pub fn from_layer(mut self, first: u32) -> Self {
+        let [sx, sy, sz] = self.size.map(|s| s as usize);
+        self.thresholds.rotate_left(first as usize % sz * sx * sy);
+        self
+    }
+
     /// Voxels of one period along `[x, y, z]`.
     pub fn size(&self) -> [u32; 3] {
         self.size

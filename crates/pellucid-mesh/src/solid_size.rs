@@ -33,19 +33,42 @@ impl SolidSize {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn of(model: &Model, placement: &Placement, pitch: Pitch) -> Self {
-        let mm = pitch.mm();
-        // Of a voxel's face across each axis.
-        let face = std::array::from_fn::<f64, 3, _>(|a| mm[(a + 1) % 3] * mm[(a + 2) % 3]);
+        let face = faces(pitch);
         let mut size = Self { area_mm2: 0.0, volume_mm3: 0.0, surface_voxels: 0.0 };
         for triangle in 0..model.triangles().len() as u32 {
             let corners = model.corners_m(triangle).map(|corner| placement.to_mm(corner));
             let area = area_vector(corners);
             size.area_mm2 += dot(area, area).sqrt();
             size.volume_mm3 += dot(corners[0], cross(corners[1], corners[2])) / 6.0;
-            size.surface_voxels += (0..3).map(|a| area[a].abs() / face[a]).fold(0.0, f64::max);
+            size.surface_voxels += voxels_of(area, face);
         }
         size.volume_mm3 = size.volume_mm3.abs();
         size
+    }
+
+    /// Surface voxels of a placed model in `layers` of equal height, from the bottom up; they add up to those of
+    /// [`SolidSize::of`]. Of each triangle they are spread evenly over its own height.
+    pub fn surface_voxels_by_layer(
+        model: &Model,
+        placement: &Placement,
+        pitch: Pitch,
+        layers: usize,
+    ) -> Vec<f64> {
+        let face = faces(pitch);
+        let mut found = vec![0.0; layers.max(1)];
+        let scale = found.len() as f64 / placement.extent_mm()[2].max(f64::MIN_POSITIVE);
+        for triangle in 0..model.triangles().len() as u32 {
+            let corners = model.corners_m(triangle).map(|corner| placement.to_mm(corner));
+            let heights = corners.map(|corner| (corner[2] * scale).clamp(0.0, found.len() as f64));
+            let [low, high] = heights.iter().fold([f64::INFINITY, 0.0f64], |[l, h], &z| [l.min(z), h.max(z)]);
+            let voxels = voxels_of(area_vector(corners), face);
+            let (first, last) = (low as usize, (high as usize).min(found.len() - 1));
+            for (layer, sum) in found.iter_mut().enumerate().take(last + 1).skip(first.min(last)) {
+                let within = (high.min(layer as f64 + 1.0) - low.max(layer as f64)).max(0.0);
+                *sum += if high > low { voxels * within / (high - low) } else { voxels };
+            }
+        }
+        found
     }
 
     /// The same solid so many times as large.
@@ -56,6 +79,17 @@ impl SolidSize {
             surface_voxels: self.surface_voxels * factor.powi(2),
         }
     }
+}
+
+/// Areas in mm² of a voxel's faces across each axis.
+fn faces(pitch: Pitch) -> [f64; 3] {
+    let mm = pitch.mm();
+    std::array::from_fn(|a| mm[(a + 1) % 3] * mm[(a + 2) % 3])
+}
+
+/// Surface voxels of a plane with an area vector.
+fn voxels_of(area: [f64; 3], face: [f64; 3]) -> f64 {
+    (0..3).map(|a| area[a].abs() / face[a]).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -94,6 +128,18 @@ mod tests {
         assert!((size.area_mm2 / 148.0 - 1.0).abs() < 1e-9, "{size:?}");
         let faces = 2.0 * (20.0 / 0.0032 + 30.0 / 0.0012 + 24.0 / 0.0024);
         assert!((size.surface_voxels / faces - 1.0).abs() < 1e-9, "{size:?}");
+        let layers = SolidSize::surface_voxels_by_layer(
+            &model,
+            &placement,
+            Pitch::new([0.04, 0.08, 0.03]).unwrap(),
+            10,
+        );
+        // Lids lie in the first and the last, and sides are spread evenly.
+        let (lid, side) = (20.0 / 0.0032, 0.2 * (30.0 / 0.0012 + 24.0 / 0.0024));
+        for (layer, &voxels) in layers.iter().enumerate() {
+            let own = if layer % 9 == 0 { side + lid } else { side };
+            assert!((voxels / own - 1.0).abs() < 1e-9, "{layers:?}");
+        }
         let twice = size.times(2.0);
         let larger = Placement::new(&model, Scale::WidthMm(10.0)).unwrap();
         let own = SolidSize::of(&model, &larger, Pitch::new([0.04, 0.08, 0.03]).unwrap());

@@ -143,6 +143,12 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         Ok(refinement)
     }
 
+    /// The same for a part of a print that begins at its layer `first`: with the halftone's thresholds as the whole print
+    /// has them there.
+    pub fn from_layer(self, first: u32) -> Self {
+        Self { mask: self.mask.from_layer(first), ..self }
+    }
+
     /// The next iteration; one more than [`RefineSettings::iterations`] when all are done.
     pub fn iteration(&self) -> u32 {
         self.iteration

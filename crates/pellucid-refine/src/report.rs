@@ -45,9 +45,45 @@ pub struct IterationReport {
 }
 
 impl IterationReport {
+    /// Adds a section's: its share of the means, and its work where it did any.
+    fn add(&mut self, own: &Self, share: f64, worked: bool) {
+        add(&mut self.target, &own.target, share);
+        add(&mut self.printable_target, &own.printable_target, share);
+        add(&mut self.smoothed, &own.smoothed, share);
+        self.further.resize(self.further.len().max(own.further.len()), 0.0);
+        self.further.iter_mut().zip(&own.further).for_each(|(sum, own)| *sum += share * own);
+        add_some(&mut self.loss, own.loss, share);
+        add_some(&mut self.noise, own.noise, share);
+        self.outside_training += own.outside_training;
+        if worked {
+            add_some(&mut self.step, own.step, share);
+            self.label_flips += own.label_flips;
+            self.changed_tiles += own.changed_tiles;
+            self.paths += own.paths;
+            self.halftone_seconds += own.halftone_seconds;
+            self.predict_seconds += own.predict_seconds;
+            self.update_seconds += own.update_seconds;
+        }
+    }
     /// Sum of the smoothed means over all viewings: the best iterate has the least.
     pub(crate) fn off(&self) -> f64 {
         self.smoothed.mean + self.further.iter().sum::<f64>()
+    }
+}
+
+/// Adds a share of some errors.
+fn add(sum: &mut ErrorStats, own: &ErrorStats, share: f64) {
+    sum.count += own.count;
+    sum.mean += share * own.mean;
+    sum.median += share * own.median;
+    sum.p95 += share * own.p95;
+    sum.max = sum.max.max(own.max);
+}
+
+/// Adds a share of a figure that may not be there.
+fn add_some(sum: &mut Option<f64>, own: Option<f64>, share: f64) {
+    if let Some(own) = own {
+        *sum.get_or_insert(0.0) += share * own;
     }
 }
 
@@ -69,9 +105,45 @@ pub struct RefineReport {
     pub surface_voxels: u64,
     /// Share of surface voxels whose target had to be mapped by more than one CIEDE2000 unit.
     pub out_of_gamut: f64,
+    /// Of a print that was refined in sections, each of them, with what is around it. The other figures are then sums over
+    /// the sections, and means by their surface voxels, of quantiles too; a section that settled counts on with its last
+    /// iteration. `best` is then the iteration with the least such mean, though each section keeps its own best.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sections: Vec<RefineReport>,
 }
 
 impl RefineReport {
+    /// Of a print of so many surface voxels, from those of its sections.
+    pub fn of_sections(sections: Vec<RefineReport>, surface_voxels: u64) -> Self {
+        let weights: Vec<f64> = sections.iter().map(|s| s.surface_voxels as f64).collect();
+        let all = weights.iter().sum::<f64>().max(1.0);
+        let most = sections.iter().map(|s| s.iterations.len()).max().unwrap_or(0);
+        let iteration = |i: usize| {
+            let mut sum = IterationReport { iteration: i as u32, ..IterationReport::default() };
+            for (section, weight) in sections.iter().zip(&weights) {
+                match (section.iterations.get(i), section.iterations.last()) {
+                    (Some(own), _) => sum.add(own, weight / all, true),
+                    (None, Some(last)) => sum.add(last, weight / all, false),
+                    (None, None) => {}
+                }
+            }
+            sum
+        };
+        let iterations: Vec<IterationReport> = (0..most).map(iteration).collect();
+        let best = iterations.iter().min_by(|a, b| a.off().total_cmp(&b.off())).map_or(0, |i| i.iteration);
+        let out_of_gamut =
+            sections.iter().zip(&weights).map(|(s, weight)| s.out_of_gamut * weight / all).sum();
+        Self {
+            strategy: sections.first().map(|s| s.strategy.clone()).unwrap_or_default(),
+            iterations,
+            best,
+            settled: !sections.is_empty() && sections.iter().all(|s| s.settled),
+            surface_voxels,
+            out_of_gamut,
+            sections,
+        }
+    }
+
     /// The report of the iteration that is kept; `None` before any iteration finished.
     pub fn best_iteration(&self) -> Option<&IterationReport> {
         self.iterations.iter().find(|i| i.iteration == self.best)

@@ -38,7 +38,8 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// Prepares a grid and its surface.
+    /// Prepares a grid and its surface. Where the surface is of some layers alone, paths leave the others by the voxels'
+    /// faces.
     ///
     /// # Errors
     /// [`TraceError::Invalid`] when the surface lies in another frame or its voxels are not those
@@ -173,7 +174,8 @@ fn stale(what: String) -> TraceError {
     TraceError::invalid("surface", format!("{what}; it is stale: extract it anew from this grid"))
 }
 
-/// Tells whether the solid voxels with air on one of their six sides are those that have normals.
+/// Tells whether the solid voxels with air on one of their six sides are those that have normals, in the layers that the
+/// surface lists.
 fn check_surface(bricks: &Bricks, normals: &Normals, surface: &Surface) -> Result<(), TraceError> {
     let exposed = |v: [u32; 3]| {
         (0..6).any(|side| {
@@ -182,6 +184,9 @@ fn check_surface(bricks: &Bricks, normals: &Normals, surface: &Surface) -> Resul
             bricks.byte(beside) == 0
         })
     };
+    // Outside these there may be others, and where a section cuts the solid there are others.
+    let listed = surface.listed_layers();
+    let listed = listed.start + MARGIN..listed.end + MARGIN;
     let [nx, ny, _] = bricks.dims.map(|d| d as usize);
     // Voxels with air beside them are of clearance class 0, and their bricks in the surface's part of the pool.
     let (count, missing) = bricks
@@ -195,7 +200,7 @@ fn check_surface(bricks: &Bricks, normals: &Normals, surface: &Surface) -> Resul
             for local in 0..64u32 {
                 let byte = bricks.pool[brick as usize].0[(local / 4) as usize] >> (8 * (local % 4)) & 0xff;
                 let v = [corner[0] + local % 4, corner[1] + local / 4 % 4, corner[2] + local / 16];
-                if byte == 0 || byte >> 4 != 0 || !exposed(v) {
+                if byte == 0 || byte >> 4 != 0 || !listed.contains(&v[2]) || !exposed(v) {
                     continue;
                 }
                 count += 1;

@@ -175,3 +175,37 @@ fn a_stale_surface_is_refused() {
     let error = Volume::new(&object.grid, &surface, &Control::none()).err().unwrap().to_string();
     assert!(error.contains("[20, 12, 24]") && error.contains("extract"), "{error}");
 }
+
+#[test]
+fn a_section_looks_as_it_does_in_the_whole() {
+    // Stripes of five materials, 8 mm high; 2 mm are listed, with 2 mm beyond on either side.
+    let object = Object::new(Pitch::j750(), [50, 26, 304], |v| 1 + (v[2] / 9 + v[0] / 11) as u8 % 5);
+    let control = Control::none();
+    let (z, listed) = (48..272, 124..198);
+    let section = object.grid.section(z.clone()).unwrap();
+    let surface = object.surface.section(z.clone(), listed.clone()).unwrap();
+    let volume = Volume::new(&section, &surface, &control).unwrap();
+    let materials = MaterialTable::cmykw();
+    let points: Vec<u32> = (0..surface.len() as u32).step_by(149).collect();
+    let before = object.surface.points_in(listed).start;
+    let in_whole: Vec<u32> = points.iter().map(|p| p + before).collect();
+    for options in [matched(512), dielectric(512)] {
+        let whole = object.radiance(&materials, options, &in_whole);
+        let tracer = Tracer::new(&volume, &materials, options).unwrap();
+        let [mut l, mut e] = [0; 2].map(|_| vec![0.0; 3 * points.len()]);
+        tracer.radiance_with_error(&points, 7, &mut l, &mut e, &control).unwrap();
+        let (mut sum, mut variance) = (0.0, 0.0);
+        for ((l, e), (whole, its)) in l.iter().zip(&e).zip(&whole) {
+            let error = f64::from(*e).hypot(f64::from(*its));
+            sum += f64::from(*l) - f64::from(*whole);
+            variance += error * error;
+            assert!((f64::from(*l) - f64::from(*whole)).abs() < 5.0 * error, "{l} {whole} +- {error}");
+        }
+        // Of all together three standard errors, some 0.2 % of the radiance.
+        assert!(sum.abs() < 3.0 * f64::sqrt(variance), "{sum} +- {}", f64::sqrt(variance));
+    }
+    // A hole among the listed layers is not overlooked.
+    let mut holed = section.clone();
+    holed.set([20, 12, 120], 0);
+    assert!(Volume::new(&holed, &surface, &control).is_err());
+}

@@ -37,6 +37,7 @@ mod order;
 mod pitch;
 #[doc(hidden)]
 pub mod sat;
+mod section;
 mod surface;
 mod surface_count;
 mod surface_index;

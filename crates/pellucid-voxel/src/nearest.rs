@@ -1,5 +1,6 @@
 //! The nearest surface voxel of every solid voxel, to a depth.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
@@ -91,6 +92,47 @@ impl NearestSurface {
             slots,
             tiles,
         })
+    }
+
+    /// The map of no voxel.
+    pub fn none(surface: &Surface) -> Self {
+        let frame = *surface.frame();
+        Self {
+            frame,
+            tile_dims: frame.size().map(|s| s.div_ceil(TILE as u32)),
+            depth_mm: 0.0,
+            surface: surface.shared_voxels(),
+            slots: Vec::new(),
+            tiles: Vec::new(),
+        }
+    }
+
+    /// The map by the part `points` of the surface voxels, which `surface` lists alone. Of these only `wanted` keep their
+    /// entries.
+    ///
+    /// # Errors
+    /// [`VoxelError::Invalid`] when `surface` is not these voxels, or they do not hold the wanted ones.
+    pub fn of_part(
+        mut self,
+        surface: &Surface,
+        points: Range<u32>,
+        wanted: Range<u32>,
+    ) -> Result<Self, VoxelError> {
+        let part = self.surface.get(points.start as usize..points.end as usize);
+        if surface.frame() != &self.frame || part != Some(surface.voxels()) {
+            return Err(VoxelError::invalid("part of a surface", "its voxels are not those of the map"));
+        }
+        if wanted.start < points.start || wanted.end > points.end {
+            let reason = format!("voxels {wanted:?} are wanted of {points:?}");
+            return Err(VoxelError::invalid("part of a surface", reason));
+        }
+        self.tiles.par_iter_mut().for_each(|tile| {
+            tile.iter_mut().filter(|entry| **entry != Self::NONE).for_each(|entry| {
+                *entry = if wanted.contains(entry) { *entry - points.start } else { Self::NONE };
+            });
+        });
+        self.surface = surface.shared_voxels();
+        Ok(self)
     }
 
     /// Where the grid lies.

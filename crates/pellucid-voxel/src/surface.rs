@@ -1,5 +1,6 @@
 //! Surface voxels with smooth outward normals.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -62,6 +63,8 @@ pub struct Surface {
     voxels: Arc<Vec<[u32; 3]>>,
     normals: Vec<[f32; 3]>,
     index: SurfaceIndex,
+    /// Layers whose surface voxels are listed.
+    pub(crate) listed: Range<u32>,
 }
 
 impl Surface {
@@ -98,7 +101,8 @@ impl Surface {
             index.push_slab(&masks)?;
         }
         let (voxels, normals) = estimate(&estimator, &index, dims, count.tiles, control)?;
-        Ok(Self { frame: *grid.frame(), voxels: Arc::new(voxels), normals, index })
+        let frame = *grid.frame();
+        Ok(Self { frame, voxels: Arc::new(voxels), normals, index, listed: 0..frame.size()[2] })
     }
 
     /// Bytes that the surface of a grid will take, by counting its surface voxels: what [`Surface::memory_bytes`] of
@@ -165,12 +169,18 @@ impl Surface {
         let dims = size.map(|s| s.div_ceil(TILE as u32));
         SurfaceIndex::check_size(dims)?;
         let index = SurfaceIndex::new(dims, &rows_of(dims, &voxels))?;
-        Ok(Self { frame, voxels: Arc::new(voxels), normals, index })
+        Ok(Self { frame, voxels: Arc::new(voxels), normals, index, listed: 0..size[2] })
     }
 
     /// Where the grid lies.
     pub fn frame(&self) -> &Frame {
         &self.frame
+    }
+
+    /// The layers whose surface voxels are listed: all of them, but those of a [section](Surface::section) that it
+    /// leaves out.
+    pub fn listed_layers(&self) -> Range<u32> {
+        self.listed.clone()
     }
 
     /// Number of surface voxels.

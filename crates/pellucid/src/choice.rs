@@ -145,6 +145,8 @@ impl PrintJob {
             (PredictorKind::MonteCarlo, predictors::predictor(&paths, self.team())?),
             (PredictorKind::Rpnn, network),
         ];
+        let part = self.tried_on(aimed, &control.silent())?;
+        let aimed = part.as_ref().unwrap_or(aimed);
         let labels = self.halftone(aimed, control)?.0;
         let patches = Patches::new(&aimed.object, self.settings().seed);
         let channels = aimed.object.channels();

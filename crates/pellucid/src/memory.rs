@@ -4,6 +4,7 @@ use pellucid_core::{Bytes, Fault};
 use pellucid_mesh::{Model, Placement, SolidSize};
 use pellucid_voxel::TILE_VOXELS;
 
+use crate::job::sections;
 use crate::{PrintError, PrintJob, StrategyKind};
 
 /// Bytes of a job on a next to empty object: colour tables, threads, program.
@@ -23,18 +24,42 @@ pub struct MemoryNeed {
     pub bytes: Bytes,
 }
 
+/// Bytes of a surface voxel, of one of its channels and of a coloured voxel, by fits to the study `size`: of refinement
+/// and what follows by strategy. Where the network is left out of the proof, they say too much of the heuristic.
+const HEURISTIC: [f64; 3] = [830.0, 8.0, 18.0];
+const DESCENT: [f64; 3] = [1250.0, 12.0, 20.0];
+/// Of what is there beside a section that is refined.
+const PLACED: [f64; 3] = [120.0, 0.0, 3.0];
+/// Of the judge of a print that was refined in sections.
+const JUDGE: [f64; 3] = [650.0, 8.0, 6.0];
+/// Parts of the height in which surface voxels are counted.
+const LAYERS: usize = 200;
+/// Heights of sections in mm that are offered where the print as a whole takes too much.
+const OFFERED_MM: [f64; 4] = [40.0, 20.0, 10.0, 5.0];
+
 /// What the need follows from, at one size.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Extent {
     solid: SolidSize,
     box_mm3: f64,
+    height_mm: f64,
+    /// Shares of the surface by height.
+    layers: Vec<f64>,
 }
 
 impl Extent {
     /// The same object so many times as large.
-    fn times(self, factor: f64) -> Self {
+    fn times(&self, factor: f64) -> Self {
         let solid = self.solid.times(factor);
-        Self { solid, box_mm3: self.box_mm3 * factor.powi(3) }
+        let (box_mm3, height_mm) = (self.box_mm3 * factor.powi(3), self.height_mm * factor);
+        Self { solid, box_mm3, height_mm, layers: self.layers.clone() }
+    }
+
+    /// The most that some millimetres of height have of the surface, as a share.
+    fn most_within(&self, mm: f64) -> f64 {
+        let layers = (mm / self.height_mm * self.layers.len() as f64).ceil() as usize;
+        let share = |layers: &[f64]| layers.iter().sum::<f64>();
+        self.layers.windows(layers.clamp(1, self.layers.len())).map(share).fold(0.0, f64::max).min(1.0)
     }
 }
 
@@ -45,26 +70,32 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Mesh`] when the model cannot be placed at the job's scale.
     pub fn memory_need(&self, model: &Model) -> Result<MemoryNeed, PrintError> {
-        Ok(self.need_by(self.settings().strategy, self.extent(model)?))
+        Ok(self.need_by(self.settings().strategy, self.settings().section_mm, &self.extent(model)?))
     }
 
     /// [`PrintJob::memory_need`] where it is within a limit.
     ///
     /// # Errors
-    /// As there; [`PrintError::Unsupported`] past the limit, which tells what size and which strategy would do.
+    /// As there; [`PrintError::Unsupported`] past the limit, which tells what size, sections and strategy would do.
     pub fn check_memory(&self, model: &Model, limit: Bytes) -> Result<MemoryNeed, PrintError> {
-        let (strategy, extent) = (self.settings().strategy, self.extent(model)?);
-        let need = self.need_by(strategy, extent);
+        let (strategy, sections) = (self.settings().strategy, self.settings().section_mm);
+        let extent = &self.extent(model)?;
+        let need = self.need_by(strategy, sections, extent);
         if need.bytes <= limit {
             return Ok(need);
         }
-        let height_mm = Placement::new(model, self.settings().scale)?.extent_mm()[2];
         let mut remedies = Vec::new();
+        let lower = |mm: &f64| *mm < sections.unwrap_or(extent.height_mm);
+        let fits = |mm: &f64| self.need_by(strategy, Some(*mm), extent).bytes <= limit;
+        if let Some(mm) = OFFERED_MM.into_iter().filter(lower).find(fits) {
+            let then = self.need_by(strategy, Some(mm), extent).bytes;
+            remedies.push(format!("refine it in sections of {mm} mm (--section-mm {mm}: {then})"));
+        }
         if let Some(part) = self.part_within(extent, limit) {
-            let told = (10.0 * height_mm * part).floor() / 10.0;
+            let told = (10.0 * extent.height_mm * part).floor() / 10.0;
             remedies.push(format!("print it at most {told:.1} mm high (--height-mm)"));
         }
-        let quick = self.need_by(StrategyKind::SurfaceFirst, extent).bytes;
+        let quick = self.need_by(StrategyKind::SurfaceFirst, sections, extent).bytes;
         if strategy == StrategyKind::Descent && quick <= limit {
             remedies.push(format!("choose the strategy {} ({quick})", StrategyKind::SurfaceFirst.name()));
         }
@@ -75,13 +106,17 @@ impl PrintJob {
 
     fn extent(&self, model: &Model) -> Result<Extent, PrintError> {
         let placement = Placement::new(model, self.settings().scale)?;
-        let solid = SolidSize::of(model, &placement, self.settings().printer.pitch());
-        Ok(Extent { solid, box_mm3: placement.extent_mm().iter().product() })
+        let (pitch, extent_mm) = (self.settings().printer.pitch(), placement.extent_mm());
+        let solid = SolidSize::of(model, &placement, pitch);
+        let mut layers = SolidSize::surface_voxels_by_layer(model, &placement, pitch, LAYERS);
+        layers.iter_mut().for_each(|voxels| *voxels /= solid.surface_voxels.max(f64::MIN_POSITIVE));
+        Ok(Extent { solid, box_mm3: extent_mm.iter().product(), height_mm: extent_mm[2], layers })
     }
 
     /// Which part of the size is within a limit; none where a tenth is not.
-    fn part_within(&self, extent: Extent, limit: Bytes) -> Option<f64> {
-        let fits = |part: f64| self.need_by(self.settings().strategy, extent.times(part)).bytes <= limit;
+    fn part_within(&self, extent: &Extent, limit: Bytes) -> Option<f64> {
+        let (strategy, sections) = (self.settings().strategy, self.settings().section_mm);
+        let fits = |part: f64| self.need_by(strategy, sections, &extent.times(part)).bytes <= limit;
         let [mut low, mut high] = [0.1, 1.0];
         if !fits(low) {
             return None;
@@ -93,21 +128,28 @@ impl PrintJob {
         Some(low)
     }
 
-    fn need_by(&self, strategy: StrategyKind, Extent { solid, box_mm3 }: Extent) -> MemoryNeed {
+    fn need_by(&self, strategy: StrategyKind, section_mm: Option<f64>, extent: &Extent) -> MemoryNeed {
         let s = self.settings();
-        // Of a surface voxel, of one of its channels, of a coloured voxel: fits to the study `size`. Where the network is
-        // left out of the proof, they say too much of the heuristic.
-        let [surface, channel, coloured] = match strategy {
-            StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => [830.0, 8.0, 18.0],
-            StrategyKind::Descent => [1250.0, 12.0, 20.0],
-        };
+        let Extent { solid, box_mm3, .. } = extent;
         let voxel_mm3 = s.printer.pitch().volume_mm3();
         let coloured_mm3 = solid.volume_mm3.min(solid.area_mm2 * s.refine.coloured_depth_mm);
         let coloured_voxels = coloured_mm3 / voxel_mm3;
-        let bytes = FIXED
-            + solid.surface_voxels * (surface + s.materials.channels() as f64 * channel)
-            + coloured_voxels * coloured
-            + box_mm3 / voxel_mm3 / TILE_VOXELS as f64 * TILE;
+        let of = |[surface, channel, coloured]: [f64; 3], share: f64| {
+            let voxel = surface + s.materials.channels() as f64 * channel;
+            share * (solid.surface_voxels * voxel + coloured_voxels * coloured)
+        };
+        let refined = match strategy {
+            StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => HEURISTIC,
+            StrategyKind::Descent => DESCENT,
+        };
+        let most = match section_mm {
+            None => of(refined, 1.0),
+            Some(mm) => {
+                let seen = extent.most_within(mm + 2.0 * sections::margin_mm(s.refine.coloured_depth_mm));
+                of(JUDGE, 1.0).max(of(PLACED, 1.0) + of(refined, seen))
+            }
+        };
+        let bytes = FIXED + most + box_mm3 / voxel_mm3 / TILE_VOXELS as f64 * TILE;
         MemoryNeed {
             surface_voxels: solid.surface_voxels as u64,
             coloured_voxels: coloured_voxels as u64,

@@ -156,6 +156,11 @@ pub struct PrintSettings {
     pub instruction_set: Option<InstructionSet>,
     /// Refinement: iterations, coloured depth and so on. Its seed is [`PrintSettings::seed`].
     pub refine: RefineSettings,
+    /// Refine in sections along z, each so high in mm, at least [`PrintSettings::LEAST_SECTION_MM`], with what is around it:
+    /// takes the memory of a section instead of that of the print, and more time, since what is around a section is
+    /// predicted again. The result is about as good, and another one. As a whole without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub section_mm: Option<f64>,
     /// How materials are rearranged.
     pub strategy: StrategyKind,
     /// Settings of [`StrategyKind::SurfaceFirst`].
@@ -220,6 +225,7 @@ impl Default for PrintSettings {
             device: None,
             instruction_set: None,
             refine: RefineSettings::default(),
+            section_mm: None,
             strategy: StrategyKind::default(),
             surface_first: SurfaceFirst::default(),
             surface_color: SurfaceColor::default(),
@@ -237,6 +243,9 @@ impl Default for PrintSettings {
 }
 
 impl PrintSettings {
+    /// The least height of a section in mm.
+    pub const LEAST_SECTION_MM: f64 = 1.0;
+
     /// Checks what does not need other crates' tables, and finds the label of white.
     pub(crate) fn check(&self) -> Result<u8, PrintError> {
         let spp = self.spp.unwrap_or(self.strategy.spp());
@@ -273,6 +282,10 @@ impl PrintSettings {
                 "clear_from_alpha",
                 "a compensated texture has no clear parts; write slices, with another strategy",
             ));
+        }
+        if let Some(mm) = self.section_mm.filter(|mm| !(*mm >= Self::LEAST_SECTION_MM && mm.is_finite())) {
+            let reason = format!("{mm} mm; at least {} are needed", Self::LEAST_SECTION_MM);
+            return Err(PrintError::invalid("section_mm", reason));
         }
         self.refine.check()?;
         self.surface_first.check()?;

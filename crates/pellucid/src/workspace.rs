@@ -1,6 +1,7 @@
 //! Where a job keeps what it has done: `OUT.job` beside its output.
 //!
-//! It holds the record, `choice.json` where a predictor was chosen, `refinement.bin` after iterations (all of them where
+//! It holds the record, `choice.json` where a predictor was chosen, `refinement.bin` (of a print in sections
+//! `refinement-0.bin` and so on) after iterations (all of them where
 //! keeping the state takes no time to speak of), and `judged.bin` after the judge. Each file is written whole or not at
 //! all, so a job that was killed goes on near where it was, and ends with the same bytes.
 
@@ -18,6 +19,11 @@ use crate::record::Record;
 
 /// The refinement's state after a whole iteration.
 pub(crate) const REFINEMENT: &str = "refinement.bin";
+/// The same of a section of the print.
+pub(crate) fn section_of_refinement(section: usize) -> String {
+    format!("refinement-{section}.bin")
+}
+
 /// Which predictor was chosen.
 pub(crate) const CHOICE: &str = "choice.json";
 /// What the judge found.
@@ -153,7 +159,12 @@ impl Workspace {
     /// # Errors
     /// [`PrintError::Io`].
     pub fn finish(self) -> Result<(), PrintError> {
-        Ok(self.own.remove(&[CHOICE, REFINEMENT, JUDGED])?)
+        let sections = (0..).map(section_of_refinement);
+        let there = |name: &String| self.own.folder().is_some_and(|folder| folder.join(name).exists());
+        let sections: Vec<String> = sections.take_while(there).collect();
+        let names: Vec<&str> =
+            [CHOICE, REFINEMENT, JUDGED].into_iter().chain(sections.iter().map(String::as_str)).collect();
+        Ok(self.own.remove(&names)?)
     }
 }
 

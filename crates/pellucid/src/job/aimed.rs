@@ -67,7 +67,8 @@ pub struct Aimed {
     pub object: Arc<Object>,
     /// White where it is solid.
     pub solid: LabelGrid,
-    /// The nearest surface voxel of each voxel within the coloured depth.
+    /// The nearest surface voxel of each voxel within the coloured depth; of none where the job refines in sections
+    /// ([`PrintSettings::section_mm`](crate::PrintSettings)).
     pub nearest: NearestSurface,
     /// Printable colours and their mixtures; may be replaced by a model of one's own.
     pub ink: SharedInk,

@@ -13,6 +13,7 @@ mod prepared;
 mod preview;
 mod proof_files;
 mod refined;
+pub(crate) mod sections;
 mod slices_proof;
 mod spectral;
 mod textured;

@@ -25,7 +25,8 @@ pub struct Placed {
     pub solid: LabelGrid,
     /// Surface voxels and normals.
     pub surface: Surface,
-    /// The nearest surface voxel of each voxel within the coloured depth.
+    /// The nearest surface voxel of each voxel within the coloured depth; of none where the job refines in sections
+    /// ([`PrintSettings::section_mm`](crate::PrintSettings)).
     pub nearest: NearestSurface,
     /// Thickness in mm below each surface voxel, along its normal; at most 10.
     pub thickness_mm: Vec<f32>,
@@ -168,7 +169,11 @@ impl PrintJob {
             ));
         }
         let depth = self.settings.refine.coloured_depth_mm;
-        let nearest = monitor.run(Stage::Nearest, |c| NearestSurface::build(&solid, &surface, depth, c))?;
+        // Sections have their own.
+        let nearest = match self.settings.section_mm {
+            Some(_) => NearestSurface::none(&surface),
+            None => monitor.run(Stage::Nearest, |c| NearestSurface::build(&solid, &surface, depth, c))?,
+        };
         let (mm, size) = (solid.frame().pitch().mm(), solid.size());
         Ok(Placed {
             model: ModelRecord::default(),

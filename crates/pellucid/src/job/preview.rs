@@ -163,6 +163,7 @@ impl PrintJob {
             printer: self.settings.printer.clone().with_pitch(pitch),
             // Only refinement heeds further lights.
             also_under: Vec::new(),
+            section_mm: None,
             judge_point_spp: COMPARED_SPP,
             ..self.settings.clone()
         };
