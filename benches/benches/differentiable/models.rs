@@ -94,11 +94,10 @@ fn refined(model: &str, method: &str, settings: PrintSettings) -> Result<ModelRu
     let refined = job.refine(&aimed, &Workspace::none(), &monitor)?;
 
     let judge = Judge::new(JudgeInput::from(aimed.problem()), Effort::default(), JUDGE_SEED, &control)?;
-    let [tracer, precise] = JUDGE_SPP.map(MonteCarlo::new);
-    let (tracer, precise) = (tracer?, precise?);
+    let tracer = MonteCarlo::new(1)?;
     let capabilities = tracer.supports(&aimed.object)?;
-    let (mut bound, mut precise) = (tracer.bind(aimed.object.clone())?, precise.bind(aimed.object.clone())?);
-    let judged = judge.judge_with(&refined.labels, &mut *bound, &mut *precise, capabilities, &control)?;
+    let mut bound = tracer.bind(aimed.object.clone())?;
+    let judged = judge.judge_with(&refined.labels, &mut *bound, JUDGE_SPP, capabilities, &control)?;
     let pairs = judged.shown[0].iter().zip(&judged.shown[1]).zip(&aimed.printable_target);
     let products =
         pairs.flat_map(|((a, b), t)| (0..3).map(|c| f64::from(a[c] - t[c]) * f64::from(b[c] - t[c])));

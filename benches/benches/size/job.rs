@@ -21,12 +21,17 @@ pub struct Way {
 }
 
 impl Way {
-    /// What is measured at each height; in sections where there are two of them.
+    /// What is measured at a height: as a whole up to two sections, and in sections from two on.
     pub fn all(height_mm: f64, section_mm: f64) -> Vec<Self> {
-        let whole = |strategy| Self { strategy, section_mm: None };
-        let mut ways = vec![whole(StrategyKind::SurfaceFirst), whole(StrategyKind::Descent)];
+        let way = |strategy, section_mm| Self { strategy, section_mm };
+        let mut ways = Vec::new();
+        if height_mm <= 2.0 * section_mm {
+            ways.extend(
+                [StrategyKind::SurfaceFirst, StrategyKind::Descent].map(|strategy| way(strategy, None)),
+            );
+        }
         if height_mm >= 2.0 * section_mm {
-            ways.push(Self { strategy: StrategyKind::Descent, section_mm: Some(section_mm) });
+            ways.push(way(StrategyKind::Descent, Some(section_mm)));
         }
         ways
     }
@@ -41,9 +46,9 @@ impl Way {
 }
 
 /// Iterations after the unrefined halftone.
-const ITERATIONS: u32 = 4;
+const ITERATIONS: u32 = 3;
 /// What of the defaults is less: paths cost in proportion to their number whatever the size, and memory none.
-pub const EFFORT: &str = "4 iterations, 1 of them the opening's of descent; 2 paths a point and channel, 1 of derivatives, \
+pub const EFFORT: &str = "3 iterations, 1 of them the opening's of descent; 2 paths a point and channel, 1 of derivatives, \
                           1 of the judge";
 
 /// What is measured.

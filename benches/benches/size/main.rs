@@ -66,7 +66,7 @@ fn study(args: &Args) -> Result<(), Error> {
     record.add("effort", job::EFFORT);
     let kept = Kept::new("size", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
     let vase = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/models/vase-hollow.glb");
-    let (heights, section_mm) = if full { (vec![10.0, 20.0], 10.0) } else { (vec![6.0, 12.0], 4.0) };
+    let (heights, section_mm) = if full { (vec![10.0, 20.0], 10.0) } else { (vec![6.0, 12.0], 6.0) };
     let limit = args.memory.or(free_bytes().map(Bytes)).unwrap_or(Bytes(u64::MAX));
     let (mut measured, mut too_large): (Vec<Measured>, Vec<TooLarge>) = Default::default();
     for (model, heights) in std::iter::once((PathBuf::from(vase), heights)).chain(args.also.clone()) {

@@ -58,8 +58,9 @@ impl Layers {
         (layer < self.squared_ends.len()).then_some(layer)
     }
 
-    /// Which layers have voxels that follow a surface voxel: bit i for layer i. The first always has, the voxel
-    /// itself. Under a medial axis, or where neighbours' cells close below it, deeper layers have none.
+    /// Which layers have voxels that follow a surface voxel: bit i for layer i. The first has, the voxel itself, unless the
+    /// voxel lies beside a section that is refined and none follows it. Under a medial axis, or where neighbours' cells
+    /// close below it, deeper layers have none.
     pub fn occupied(&self, point: u32) -> u64 {
         self.occupied[point as usize]
     }
@@ -71,7 +72,7 @@ impl Layers {
         control: &Control<'_>,
     ) -> Result<Vec<u64>, Cancelled> {
         let pitch = surface.frame().pitch().mm();
-        let found: Vec<AtomicU64> = surface.voxels().iter().map(|_| AtomicU64::new(1)).collect();
+        let found: Vec<AtomicU64> = surface.voxels().iter().map(|_| AtomicU64::new(0)).collect();
         let [dx, dy, dz] = surface.frame().size().map(|s| s.div_ceil(TILE as u32) as usize);
         (0..dx * dy * dz).into_par_iter().try_for_each(|t| {
             let Some(entries) = nearest.tile(t) else { return Ok(()) };

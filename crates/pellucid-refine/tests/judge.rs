@@ -48,8 +48,9 @@ impl BoundPredictor for Planted {
             }
             for (k, out) in out.iter_mut().enumerate() {
                 let c = common::band(k, channels);
+                let deviation = self.noise / f64::from(draw.effort).sqrt();
                 let error =
-                    (uniform(draw.seed, domain, u64::from(p), k as u64) - 0.5) * 12f64.sqrt() * self.noise;
+                    (uniform(draw.seed, domain, u64::from(p), k as u64) - 0.5) * 12f64.sqrt() * deviation;
                 *out = ((f64::from(self.shown[p as usize][c]) + error) * MEDIA_WHITE[c]) as f32;
             }
         }
@@ -443,6 +444,33 @@ fn points_are_distinct_addressed_and_spread() {
     assert!((lower - 250.0).abs() < 4.0 * 125f64.sqrt(), "{lower}");
     assert_eq!(points(1 << 30, 1).len(), target.len());
     assert_eq!(points(1, 1).len(), 1);
+}
+
+#[test]
+fn efforts_are_those_of_the_passes() {
+    let block = block(3);
+    let target = block.field(|_| VIOLET);
+    let viewing = viewing(3);
+    let input =
+        JudgeInput { object: &block.object, viewing: &viewing, target: &target, printable_target: &target };
+    let judge = Judge::new(input, effort(), 3, &Control::none()).unwrap();
+    let noise = |efforts: [u32; 2]| {
+        let (object, shown) = (Arc::clone(&block.object), target.clone());
+        let mut bound = Planted { object, shown, noise: 0.02, updated: false };
+        let capabilities = Capabilities::new(true);
+        let judged = judge.judge_with(&block.solid, &mut bound, efforts, capabilities, &Control::none());
+        let errors = judged.unwrap().errors;
+        [errors.at_0_1_mm.noise, errors.voxel.noise]
+    };
+    let [surface, points] = noise([1, 1]);
+    for (efforts, factors) in [([4, 1], [0.5, 1.0]), ([1, 16], [1.0, 0.25])] {
+        let [own_surface, own_points] = noise(efforts);
+        assert!(
+            (own_surface / surface / factors[0] - 1.0).abs() < 0.05,
+            "{efforts:?}: {own_surface} {surface}"
+        );
+        assert!((own_points / points / factors[1] - 1.0).abs() < 0.05, "{efforts:?}: {own_points} {points}");
+    }
 }
 
 #[test]

@@ -188,6 +188,24 @@ mod tests {
     }
 
     #[test]
+    fn sections_need_less_and_are_told_of() {
+        let model = block();
+        let of = |section_mm| {
+            let settings =
+                PrintSettings { section_mm, ..job(60.0, StrategyKind::Descent).settings().clone() };
+            PrintJob::new(settings).unwrap()
+        };
+        let need = |section_mm| of(section_mm).memory_need(&model).unwrap().bytes;
+        assert!(need(Some(10.0)) < need(Some(20.0)) && need(Some(20.0)) < need(None));
+        let limit = need(Some(20.0));
+        let told = of(None).check_memory(&model, limit).unwrap_err().to_string();
+        assert!(told.contains(&format!("in sections of 20 mm (--section-mm 20: {limit})")), "{told}");
+        // A job in sections is told of lower ones.
+        let told = of(Some(20.0)).check_memory(&model, need(Some(10.0))).unwrap_err().to_string();
+        assert!(told.contains("(--section-mm 10: "), "{told}");
+    }
+
+    #[test]
     fn what_is_told_to_do_does() {
         let model = block();
         let too_large = job(60.0, StrategyKind::Descent);

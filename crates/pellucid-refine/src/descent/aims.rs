@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::DescentTools;
 use super::cells::CellGradient;
 use super::loss::{Found, Scale};
+use crate::layers::Layers;
 use crate::problem::shown_in;
 use crate::{RefineError, Seen, Setup};
 
@@ -33,10 +34,12 @@ impl Loss {
         self.loss.iter().map(|&l| f64::from(l)).sum::<f64>() / self.loss.len().max(1) as f64
     }
 
-    /// What the curvature would come to, were every ink to take its whole range.
-    pub(super) fn expected(&self) -> f64 {
+    /// What the curvature would come to, were every ink to take its whole range. Of surface voxels with cells: what others
+    /// show does not follow from them.
+    pub(super) fn expected(&self, layers: &Layers) -> f64 {
         let dot = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|c| f64::from(a[c] * b[c])).sum::<f64>();
-        self.slopes.iter().flat_map(|s| s.curvature.iter().zip(&s.reach)).map(|(c, r)| dot(c, r)).sum()
+        let each = self.slopes.iter().flat_map(|s| s.curvature.iter().zip(&s.reach).zip(0..));
+        each.filter(|(_, point)| layers.occupied(*point) != 0).map(|((c, r), _)| dot(c, r)).sum()
     }
 }
 

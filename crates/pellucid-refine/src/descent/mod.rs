@@ -264,7 +264,7 @@ impl Descent {
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
         if let Some(begun) = begun.as_mut().filter(|_| self.rule != StepRule::Adam) {
             let by_inks = self.curvature(setup, tools, seen, draw, &found, control)?;
-            begun.take_curvature(setup, &by_inks, found.expected());
+            begun.take_curvature(setup, &by_inks, found.expected(&setup.layers));
         }
         let loss = found.mean();
         let d_shown = |viewing: usize, point: u32| found.slopes[viewing].gradient[point as usize];

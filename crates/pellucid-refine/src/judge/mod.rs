@@ -207,12 +207,11 @@ impl<'a> Judge<'a> {
         capabilities: Capabilities,
         control: &Control<'_>,
     ) -> Result<Judged, RefineError> {
-        bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
-        self.judge_updated([&*bound, &*bound], capabilities, control)
+        self.judge_with(labels, bound, [1; 2], capabilities, control)
     }
 
-    /// [`Judge::judge`] with a predictor of its own, of more paths a pass, for per-voxel errors: few long passes over few
-    /// points take less time than many short ones.
+    /// [`Judge::judge`] with the [efforts](Draw::effort) of a pass over every surface voxel and of one over the points of
+    /// per-voxel errors: few long passes over few points take less time than many short ones.
     ///
     /// # Errors
     /// As there.
@@ -220,22 +219,11 @@ impl<'a> Judge<'a> {
         &self,
         labels: &LabelGrid,
         bound: &mut dyn BoundPredictor,
-        precise: &mut dyn BoundPredictor,
+        efforts: [u32; 2],
         capabilities: Capabilities,
         control: &Control<'_>,
     ) -> Result<Judged, RefineError> {
         bound.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
-        precise.update(labels, Changed::Unknown, &control.silent()).map_err(RefineError::judge)?;
-        self.judge_updated([&*bound, &*precise], capabilities, control)
-    }
-
-    /// Judges what two predictors, of all surface voxels and of the points, were brought up to date with.
-    fn judge_updated(
-        &self,
-        [bound, precise]: [&dyn BoundPredictor; 2],
-        capabilities: Capabilities,
-        control: &Control<'_>,
-    ) -> Result<Judged, RefineError> {
         let all = self.input.object.points();
         let Effort { mut point_passes, mut surface_passes, .. } = self.effort;
         if !capabilities.random {
@@ -245,9 +233,11 @@ impl<'a> Judge<'a> {
             self.points.len() as u64 * u64::from(point_passes) + all.len() as u64 * u64::from(surface_passes);
         let mut meter = Meter { control: *control, done: 0, total };
         let mut paths = 0;
-        let surface = self.surface_halves(&all, surface_passes, bound, &mut meter, &mut paths)?;
+        let [surface_effort, point_effort] = efforts;
+        let surface =
+            self.surface_halves(&all, surface_passes, surface_effort, bound, &mut meter, &mut paths)?;
         let passes = surface_passes..surface_passes + point_passes;
-        let halves = self.point_halves(passes, precise, &mut meter, &mut paths)?;
+        let halves = self.point_halves(passes, point_effort, bound, &mut meter, &mut paths)?;
         let mut errors = StateErrors {
             voxel: self.voxel_errors(&halves),
             points: self.points.len() as u64,

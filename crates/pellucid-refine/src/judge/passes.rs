@@ -18,11 +18,15 @@ pub(super) struct Meter<'c> {
 }
 
 impl Judge<'_> {
+    fn draw(&self, pass: u32, effort: u32) -> Draw {
+        Draw::new(self.seed, Pass::Judge(pass)).with_effort(effort)
+    }
+
     /// One pass; counts its paths.
     fn pass(
         &self,
         points: &[u32],
-        pass: u32,
+        draw: Draw,
         out: &mut [f32],
         bound: &dyn BoundPredictor,
         meter: &mut Meter<'_>,
@@ -33,7 +37,6 @@ impl Judge<'_> {
             control.report(done + (share * part as f64 / of.max(1) as f64) as u64, total);
         };
         let inner = control.silent().with_progress(&progress);
-        let draw = Draw::new(self.seed, Pass::Judge(pass));
         let diagnostics = bound.predict(points, draw, out, &inner).map_err(RefineError::judge)?;
         if out.par_iter().any(|v| !v.is_finite()) {
             return Err(RefineError::invalid("prediction", "a radiance is not finite"));
@@ -46,6 +49,7 @@ impl Judge<'_> {
         &self,
         all: &[u32],
         passes: u32,
+        effort: u32,
         bound: &dyn BoundPredictor,
         meter: &mut Meter<'_>,
         paths: &mut u64,
@@ -56,7 +60,7 @@ impl Judge<'_> {
         let mut sums = vec![vec![[0.0f64; 3]; all.len()]; halves as usize];
         let mut radiance = vec![0.0; all.len() * viewing.channels()];
         for pass in 0..passes {
-            *paths += self.pass(all, pass, &mut radiance, bound, meter)?;
+            *paths += self.pass(all, self.draw(pass, effort), &mut radiance, bound, meter)?;
             let values = radiance.par_chunks_exact(viewing.channels());
             sums[(pass % halves) as usize].par_iter_mut().zip(values).for_each(|(sum, l)| {
                 let rgb = viewing.relative_rgb(l);
@@ -72,6 +76,7 @@ impl Judge<'_> {
     pub(super) fn point_halves(
         &self,
         passes: std::ops::Range<u32>,
+        effort: u32,
         bound: &dyn BoundPredictor,
         meter: &mut Meter<'_>,
         paths: &mut u64,
@@ -81,7 +86,7 @@ impl Judge<'_> {
         let mut sums = [vec![0.0f64; values], vec![0.0f64; values]];
         let mut radiance = vec![0.0; values];
         for (i, pass) in passes.enumerate() {
-            *paths += self.pass(&self.points, pass, &mut radiance, bound, meter)?;
+            *paths += self.pass(&self.points, self.draw(pass, effort), &mut radiance, bound, meter)?;
             sums[i % 2].iter_mut().zip(&radiance).for_each(|(sum, &v)| *sum += f64::from(v));
         }
         if count == 1 {

@@ -161,16 +161,15 @@ impl PrintJob {
         control: &Control<'_>,
     ) -> Result<[Judgement; 2], PrintError> {
         let s = &self.settings;
-        let tracer = predictors::monte_carlo(s, s.judge_spp, &self.team)?;
+        // Of one path: efforts make more of them.
+        let tracer = predictors::monte_carlo(s, 1, &self.team)?;
         let capabilities = tracer.supports(&aimed.object)?;
         let mut bound = tracer.bind(aimed.object.clone())?;
-        let mut precise =
-            predictors::monte_carlo(s, s.judge_point_spp, &self.team)?.bind(aimed.object.clone())?;
         let half = |from: u64| move |done: u64, total: u64| control.report(from * total + done, 2 * total);
         let (first, second) = (half(0), half(1));
         let silent = control.silent();
         let mut look = |labels: &LabelGrid, control: Control<'_>| {
-            judge.judge_with(labels, &mut *bound, &mut *precise, capabilities, &control)
+            judge.judge_with(labels, &mut *bound, [s.judge_spp, s.judge_point_spp], capabilities, &control)
         };
         Ok([
             look(&refined.unrefined, silent.with_progress(&first))?,
