@@ -163,6 +163,6 @@ impl Cost {
 
     /// One stage.
     pub fn stage(&self, name: &str) -> f64 {
-        self.stages.iter().filter(|(stage, _)| stage == name).map(|(_, seconds)| seconds).sum()
+        self.stages.iter().filter(|(stage, _)| stage == name).fold(0.0, |sum, (_, seconds)| sum + seconds)
     }
 }

@@ -7,6 +7,8 @@ use super::job::{Cost, Measured, TooLarge};
 /// Stages that are told apart.
 const STAGES: [&str; 7] =
     ["voxelise", "surface", "thickness", "nearest surface", "refine", "judge", "slices"];
+/// Seconds that count as none.
+const LEAST: f64 = 1e-3;
 const GIB: f64 = (1u64 << 30) as f64;
 
 /// A row a job.
@@ -61,7 +63,12 @@ fn series(measured: &[Measured]) -> Vec<(String, Vec<&Cost>)> {
 fn exponents(costs: &[&Cost], of: impl Fn(&Cost) -> f64) -> String {
     let between = costs.windows(2).map(|pair| {
         let [a, b] = [pair[0], pair[1]];
-        format!("{:.2}", (of(b) / of(a)).ln() / (b.height_mm / a.height_mm).ln())
+        // What took no time at either has none.
+        if of(a).min(of(b)) <= LEAST {
+            "–".to_owned()
+        } else {
+            format!("{:.2}", (of(b) / of(a)).ln() / (b.height_mm / a.height_mm).ln())
+        }
     });
     between.collect::<Vec<_>>().join(", ")
 }
@@ -96,7 +103,7 @@ pub fn markdown(measured: &[Measured], too_large: &[TooLarge]) -> String {
         ">slices",
     ]);
     for (name, costs) in series(measured) {
-        let stage = |stage: &'static str| exponents(&costs, move |c| c.stage(stage).max(1e-3));
+        let stage = |stage: &'static str| exponents(&costs, move |c| c.stage(stage).max(LEAST));
         exponent_table.row([
             name,
             exponents(&costs, |c| c.surface_voxels as f64),

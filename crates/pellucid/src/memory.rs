@@ -4,7 +4,7 @@ use pellucid_core::{Bytes, Fault};
 use pellucid_mesh::{Model, Placement, SolidSize};
 use pellucid_voxel::TILE_VOXELS;
 
-use crate::job::sections;
+use crate::job::{MOST_BY_NETWORK, sections};
 use crate::{PrintError, PrintJob, StrategyKind};
 
 /// Bytes of a job on a next to empty object: colour tables, threads, program.
@@ -26,12 +26,13 @@ pub struct MemoryNeed {
 
 /// Bytes of a surface voxel, of one of its channels and of a coloured voxel, by fits to the study `size`: of refinement
 /// and what follows by strategy. Where the network is left out of the proof, they say too much of the heuristic.
-const HEURISTIC: [f64; 3] = [830.0, 8.0, 18.0];
-const DESCENT: [f64; 3] = [1250.0, 12.0, 20.0];
+const HEURISTIC: [f64; 3] = [760.0, 8.0, 17.0];
+const DESCENT: [f64; 3] = [1105.0, 12.0, 18.5];
 /// Of what is there beside a section that is refined.
 const PLACED: [f64; 3] = [120.0, 0.0, 3.0];
-/// Of the judge of a print that was refined in sections.
-const JUDGE: [f64; 3] = [650.0, 8.0, 6.0];
+/// Of the judge of a print that was refined in sections, and of one that is too large for the network's pictures.
+const JUDGE: [f64; 3] = [760.0, 8.0, 13.0];
+const JUDGE_BY_PATHS: [f64; 3] = [565.0, 8.0, 5.0];
 /// Parts of the height in which surface voxels are counted.
 const LAYERS: usize = 200;
 /// Heights of sections in mm that are offered where the print as a whole takes too much.
@@ -146,7 +147,9 @@ impl PrintJob {
             None => of(refined, 1.0),
             Some(mm) => {
                 let seen = extent.most_within(mm + 2.0 * sections::margin_mm(s.refine.coloured_depth_mm));
-                of(JUDGE, 1.0).max(of(PLACED, 1.0) + of(refined, seen))
+                let by_network = solid.surface_voxels <= MOST_BY_NETWORK as f64;
+                let judge = if by_network { JUDGE } else { JUDGE_BY_PATHS };
+                of(judge, 1.0).max(of(PLACED, 1.0) + of(refined, seen))
             }
         };
         let bytes = FIXED + most + box_mm3 / voxel_mm3 / TILE_VOXELS as f64 * TILE;

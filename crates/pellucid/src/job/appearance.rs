@@ -30,7 +30,7 @@ pub(super) fn pictured<'a>(
 const PART_VALUES: usize = 1 << 20;
 
 /// Surfaces of more voxels are shown by paths alone: what the network keeps of them would be most of a job's memory.
-const MOST_BY_NETWORK: usize = 4_000_000;
+pub(crate) const MOST_BY_NETWORK: usize = 4_000_000;
 
 /// Labels as they look.
 pub(super) struct Appearance {

@@ -32,6 +32,8 @@ use crate::stage::Stage;
 use crate::workspace::CHOICE;
 use crate::{Monitor, PredictorKind, PrintError, PrintSettings, Record, StrategyKind, Workspace, predictors};
 
+pub(crate) use appearance::MOST_BY_NETWORK;
+
 pub use aimed::{Aimed, FurtherAim, SharedInk};
 pub use clear::{ClearParts, ClearReport};
 pub use judged::{Judged, LightLook};
