@@ -196,10 +196,10 @@ fn a_section_looks_as_it_does_in_the_whole() {
         tracer.radiance_with_error(&points, 7, &mut l, &mut e, &control).unwrap();
         let (mut sum, mut variance) = (0.0, 0.0);
         for ((l, e), (whole, its)) in l.iter().zip(&e).zip(&whole) {
-            let error = f64::from(*e).hypot(f64::from(*its));
-            sum += f64::from(*l) - f64::from(*whole);
+            let (l, error) = (f64::from(*l), f64::from(*e).hypot(*its));
+            sum += l - whole;
             variance += error * error;
-            assert!((f64::from(*l) - f64::from(*whole)).abs() < 5.0 * error, "{l} {whole} +- {error}");
+            assert!((l - whole).abs() < 5.0 * error, "{l} {whole} +- {error}");
         }
         // Of all together three standard errors, some 0.2 % of the radiance.
         assert!(sum.abs() < 3.0 * f64::sqrt(variance), "{sum} +- {}", f64::sqrt(variance));
