@@ -210,7 +210,7 @@ impl<'a> Judge<'a> {
         self.judge_with(labels, bound, [1; 2], capabilities, control)
     }
 
-    /// [`Judge::judge`] with the [efforts](Draw::effort) of a pass over every surface voxel and of one over the points of
+    /// [`Judge::judge`] with the [efforts](pellucid_predict::Draw::effort) of a pass over every surface voxel and of one over the points of
     /// per-voxel errors: few long passes over few points take less time than many short ones.
     ///
     /// # Errors
