@@ -290,6 +290,9 @@ fn bad_settings_are_named() {
     assert!(refusal(&|s| s.refine.coloured_depth_mm = -1.0).contains("coloured_depth_mm"));
     assert!(refusal(&|s| s.refine.residual_blur_mm = 5.0).contains("residual_blur_mm"));
     assert!(refusal(&|s| s.judge.point_passes = 3).contains("point_passes"));
+    for mm in [0.5, f64::NAN, f64::INFINITY] {
+        assert!(refusal(&|s| s.section_mm = Some(mm)).contains("section_mm"));
+    }
     assert!(refusal(&|s| s.printer = s.printer.clone().with_max_materials(3).unwrap()).contains("takes 3"));
     let too_tall = PrintJob::new(settings(300.0)).unwrap();
     let refused = too_tall.prepare(

@@ -5,7 +5,7 @@ use pellucid_voxel::Pitch;
 use crate::geometry::{area_vector, cross, dot};
 use crate::{Model, Placement};
 
-/// How large a solid is, by its triangles alone: they are looked at once, one by one.
+/// How large a solid is, by its triangles alone: they are looked at one by one.
 ///
 /// Surface and volume are those of closed shells that face outwards and do not cross; walls inside other shells count as
 /// surface.

@@ -4,6 +4,8 @@ use pellucid_color::space::lab_of_linear_rgb;
 use pellucid_color::{Lab, delta_e_2000};
 use rayon::prelude::*;
 
+/// CIEDE2000 by which a target must be moved to count as out of gamut.
+const OUT_OF_GAMUT: f32 = 1.0;
 /// Colours that one task handles.
 const CHUNK: usize = 1024;
 
@@ -19,4 +21,10 @@ pub(crate) fn differences(a: &[[f32; 3]], b: &[[f32; 3]]) -> Vec<f32> {
     let lab = |v: &[f32; 3]| Lab { l: v[0].into(), a: v[1].into(), b: v[2].into() };
     let pairs = a.par_iter().zip(b).with_min_len(CHUNK);
     pairs.map(|(a, b)| delta_e_2000(lab(a), lab(b)) as f32).collect()
+}
+
+/// Share of targets, `[L*, a*, b*]`, that had to be moved to be printable.
+pub(crate) fn out_of_gamut(target: &[[f32; 3]], printable_target: &[[f32; 3]]) -> f64 {
+    let moved = differences(target, printable_target);
+    moved.iter().filter(|&&d| d > OUT_OF_GAMUT).count() as f64 / moved.len().max(1) as f64
 }

@@ -114,4 +114,21 @@ mod tests {
             assert_eq!(layers.occupied(middle).count_ones() as usize, expected.min(8));
         }
     }
+
+    #[test]
+    fn voxels_that_none_follows_have_no_layers() {
+        let frame = Frame::new([0.0; 3], Pitch::new([0.05; 3]).unwrap(), [10, 10, 40]).unwrap();
+        let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(1));
+        let control = Control::none();
+        let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
+        let nearest = NearestSurface::build(&grid, &surface, 0.2, &control).unwrap();
+        let (all, wanted) = (0..surface.len() as u32, surface.points_in(12..40));
+        let nearest = nearest.of_part(&surface, all.clone(), wanted.clone()).unwrap();
+        let layers = Layers::find(0.2, 4, &surface, &nearest, &control).unwrap();
+        assert!(wanted.start > 0);
+        for point in all {
+            assert_eq!(layers.occupied(point) & 1, u64::from(wanted.contains(&point)));
+            assert!(wanted.contains(&point) || layers.occupied(point) == 0);
+        }
+    }
 }

@@ -8,7 +8,7 @@ use pellucid_predict::{BoundPredictor, Changed, Diagnostics, Draw, Learned, Pass
 use pellucid_voxel::LabelGrid;
 use rayon::prelude::*;
 
-use crate::difference::{differences, lab_of};
+use crate::difference::{differences, lab_of, out_of_gamut};
 use crate::halftone::{Changes, halftone};
 use crate::layers::Layers;
 use crate::problem::shown_in;
@@ -16,9 +16,6 @@ use crate::{
     IterationReport, Planned, Problem, RefineError, RefineReport, RefineSettings, Saved, Seen, Setup,
     Strategy, SurfaceSmoother,
 };
-
-/// CIEDE2000 by which a target must be moved to count as out of gamut.
-const OUT_OF_GAMUT: f32 = 1.0;
 
 /// A finished refinement.
 #[derive(Debug)]
@@ -92,12 +89,10 @@ impl<'a, S: Strategy> Refinement<'a, S> {
         let mask = BlueNoiseMask::new(surface.frame().pitch(), settings.seed, control)?;
         let smoother = SurfaceSmoother::new(surface, settings.residual_blur_mm, control)?;
         let (target_lab, printable_lab) = (lab_of(problem.target), lab_of(problem.printable_target));
-        let moved = differences(&target_lab, &printable_lab);
-        let outside = moved.iter().filter(|&&d| d > OUT_OF_GAMUT).count();
         let report = RefineReport {
             strategy: strategy.name().to_owned(),
             surface_voxels: surface.len() as u64,
-            out_of_gamut: outside as f64 / surface.len().max(1) as f64,
+            out_of_gamut: out_of_gamut(&target_lab, &printable_lab),
             ..RefineReport::default()
         };
         let setup = Setup { problem, layers, points: problem.object.points(), seed: settings.seed };

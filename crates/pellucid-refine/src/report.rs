@@ -1,6 +1,8 @@
 //! What a refinement reports.
 
 use pellucid_core::ErrorStats;
+
+use crate::difference::{lab_of, out_of_gamut};
 use serde::{Deserialize, Serialize};
 
 /// One iteration: the state of the labels that was predicted, and its errors in CIEDE2000 over all surface voxels.
@@ -65,6 +67,7 @@ impl IterationReport {
             self.update_seconds += own.update_seconds;
         }
     }
+
     /// Sum of the smoothed means over all viewings: the best iterate has the least.
     pub(crate) fn off(&self) -> f64 {
         self.smoothed.mean + self.further.iter().sum::<f64>()
@@ -105,7 +108,7 @@ pub struct RefineReport {
     pub surface_voxels: u64,
     /// Share of surface voxels whose target had to be mapped by more than one CIEDE2000 unit.
     pub out_of_gamut: f64,
-    /// Of a print that was refined in sections, each of them, with what is around it. The other figures are then sums over
+    /// Of a print that was refined in sections, each of them, with what is around it. Its iterations are then sums over
     /// the sections, and means by their surface voxels, of quantiles too; a section that settled counts on with its last
     /// iteration. `best` is then the iteration with the least such mean, though each section keeps its own best.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -113,8 +116,13 @@ pub struct RefineReport {
 }
 
 impl RefineReport {
-    /// Of a print of so many surface voxels, from those of its sections.
-    pub fn of_sections(sections: Vec<RefineReport>, surface_voxels: u64) -> Self {
+    /// Of a print whose surface voxels should show `target` and can show `printable_target`, from those of its sections,
+    /// which overlap.
+    pub fn of_sections(
+        sections: Vec<RefineReport>,
+        target: &[[f32; 3]],
+        printable_target: &[[f32; 3]],
+    ) -> Self {
         let weights: Vec<f64> = sections.iter().map(|s| s.surface_voxels as f64).collect();
         let all = weights.iter().sum::<f64>().max(1.0);
         let most = sections.iter().map(|s| s.iterations.len()).max().unwrap_or(0);
@@ -131,15 +139,13 @@ impl RefineReport {
         };
         let iterations: Vec<IterationReport> = (0..most).map(iteration).collect();
         let best = iterations.iter().min_by(|a, b| a.off().total_cmp(&b.off())).map_or(0, |i| i.iteration);
-        let out_of_gamut =
-            sections.iter().zip(&weights).map(|(s, weight)| s.out_of_gamut * weight / all).sum();
         Self {
             strategy: sections.first().map(|s| s.strategy.clone()).unwrap_or_default(),
             iterations,
             best,
             settled: !sections.is_empty() && sections.iter().all(|s| s.settled),
-            surface_voxels,
-            out_of_gamut,
+            surface_voxels: target.len() as u64,
+            out_of_gamut: out_of_gamut(&lab_of(target), &lab_of(printable_target)),
             sections,
         }
     }
@@ -147,5 +153,50 @@ impl RefineReport {
     /// The report of the iteration that is kept; `None` before any iteration finished.
     pub fn best_iteration(&self) -> Option<&IterationReport> {
         self.iterations.iter().find(|i| i.iteration == self.best)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn iteration(iteration: u32, mean: f64, paths: u64, step: Option<f64>) -> IterationReport {
+        let errors = ErrorStats { count: 10, mean, median: mean, p95: 2.0 * mean, max: 3.0 * mean };
+        let further = vec![mean + 1.0];
+        IterationReport { iteration, smoothed: errors, further, paths, step, ..IterationReport::default() }
+    }
+
+    fn section(surface_voxels: u64, iterations: Vec<IterationReport>) -> RefineReport {
+        let settled = iterations.len() == 2;
+        RefineReport {
+            strategy: "descent".to_owned(),
+            iterations,
+            settled,
+            surface_voxels,
+            ..RefineReport::default()
+        }
+    }
+
+    #[test]
+    fn sections_count_by_their_surface_and_settled_ones_by_their_last() {
+        let long = [(8.0, 0.1), (4.0, 0.2), (2.0, 0.3)];
+        let long =
+            long.iter().zip(0..).map(|(&(mean, step), i)| iteration(i, mean, 100, Some(step))).collect();
+        let short = vec![iteration(0, 4.0, 10, Some(0.4)), iteration(1, 12.0, 10, None)];
+        let sections = vec![section(300, long), section(100, short)];
+        let white = [[1.0; 3]; 4];
+        let printable = [[1.0; 3], [1.0; 3], [1.0; 3], [0.5, 0.5, 0.5]];
+        let report = RefineReport::of_sections(sections.clone(), &white, &printable);
+        let means: Vec<f64> = report.iterations.iter().map(|i| i.smoothed.mean).collect();
+        assert_eq!(means, [7.0, 6.0, 4.5]);
+        let first = &report.iterations[0];
+        assert_eq!((first.smoothed.p95, first.smoothed.max, first.smoothed.count), (14.0, 24.0, 20));
+        assert_eq!(first.further, [8.0]);
+        assert_eq!(report.iterations.iter().map(|i| i.paths).collect::<Vec<_>>(), [110, 110, 100]);
+        assert!((first.step.unwrap() - 0.175).abs() < 1e-12);
+        assert_eq!((report.best, report.settled), (2, false));
+        // Of the print itself: what sections have in common counts once.
+        assert_eq!((report.surface_voxels, report.out_of_gamut), (4, 0.25));
+        assert_eq!(report.sections, sections);
     }
 }

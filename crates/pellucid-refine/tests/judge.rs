@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::{MEDIA_WHITE, viewing};
 use pellucid_color::space::lab_of_linear_rgb;
-use pellucid_color::{Lab, delta_e_2000};
+use pellucid_color::{Lab, Viewing, delta_e_2000};
 use pellucid_core::random::{Domain, uniform};
 use pellucid_predict::{
     BoundPredictor, Capabilities, Changed, Diagnostics, Draw, Object, Pass, PredictError,
@@ -90,6 +90,11 @@ impl Block {
         let input =
             JudgeInput { object: &self.object, viewing: &viewing, target, printable_target: printable };
         self.judge_by(&Judge::new(input, effort, 3, &Control::none()).unwrap(), shown, noise)
+    }
+
+    /// A target that can be printed as it is.
+    fn aimed_at<'a>(&'a self, target: &'a [[f32; 3]], viewing: &'a Viewing) -> JudgeInput<'a> {
+        JudgeInput { object: &self.object, viewing, target, printable_target: target }
     }
 
     fn judge_by(&self, judge: &Judge<'_>, shown: Vec<[f32; 3]>, noise: f64) -> Judged {
@@ -420,8 +425,7 @@ fn points_are_distinct_addressed_and_spread() {
     let block = block(3);
     let target = block.field(|_| RED);
     let viewing = viewing(3);
-    let input =
-        JudgeInput { object: &block.object, viewing: &viewing, target: &target, printable_target: &target };
+    let input = block.aimed_at(&target, &viewing);
     let points = |points: u32, seed: u64| {
         let effort = Effort { points, ..effort() };
         Judge::new(input, effort, seed, &Control::none()).unwrap().points().to_vec()
@@ -451,8 +455,7 @@ fn efforts_are_those_of_the_passes() {
     let block = block(3);
     let target = block.field(|_| VIOLET);
     let viewing = viewing(3);
-    let input =
-        JudgeInput { object: &block.object, viewing: &viewing, target: &target, printable_target: &target };
+    let input = block.aimed_at(&target, &viewing);
     let judge = Judge::new(input, effort(), 3, &Control::none()).unwrap();
     let noise = |efforts: [u32; 2]| {
         let (object, shown) = (Arc::clone(&block.object), target.clone());
@@ -491,8 +494,7 @@ fn cancelling_and_bad_input_are_told() {
     let block = block(3);
     let target = block.field(|_| RED);
     let viewing = viewing(3);
-    let input =
-        JudgeInput { object: &block.object, viewing: &viewing, target: &target, printable_target: &target };
+    let input = block.aimed_at(&target, &viewing);
     let new = |input, effort| Judge::new(input, effort, 0, &Control::none());
     let odd = Effort { point_passes: 3, ..effort() };
     assert!(new(input, odd).err().unwrap().to_string().contains("point_passes"));

@@ -66,7 +66,7 @@ impl Extent {
 
 impl PrintJob {
     /// What [`PrintJob::prepare`] will take for a model, by the size of its surface and solid: as measured by the study
-    /// `size`. Cheap: looks at every triangle once.
+    /// `size`. Cheap: looks at the triangles alone.
     ///
     /// # Errors
     /// [`PrintError::Mesh`] when the model cannot be placed at the job's scale.

@@ -210,8 +210,8 @@ impl<'a> Judge<'a> {
         self.judge_with(labels, bound, [1; 2], capabilities, control)
     }
 
-    /// [`Judge::judge`] with the [efforts](pellucid_predict::Draw::effort) of a pass over every surface voxel and of one over the points of
-    /// per-voxel errors: few long passes over few points take less time than many short ones.
+    /// [`Judge::judge`] with the [efforts](pellucid_predict::Draw::effort) of a pass over every surface voxel and of one over
+    /// the points of per-voxel errors: few long passes over few points take less time than many short ones.
     ///
     /// # Errors
     /// As there.

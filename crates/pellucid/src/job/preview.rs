@@ -161,7 +161,7 @@ impl PrintJob {
     ) -> Result<Preview, PrintError> {
         let mut settings = PrintSettings {
             printer: self.settings.printer.clone().with_pitch(pitch),
-            // Only refinement heeds further lights.
+            // Only refinement heeds these.
             also_under: Vec::new(),
             section_mm: None,
             judge_point_spp: COMPARED_SPP,

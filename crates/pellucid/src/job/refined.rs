@@ -177,7 +177,7 @@ impl<S: Strategy + Clone, C: Fn(&Refinement<'_, S>) -> Option<Vec<[f32; 3]>>> Ru
             reports.push(refined.report);
             before += count;
         }
-        let report = RefineReport::of_sections(reports, aimed.object.surface().len() as u64);
+        let report = RefineReport::of_sections(reports, &aimed.target, &aimed.printable_target);
         Ok(Refined { labels, unrefined, report, colors })
     }
 
