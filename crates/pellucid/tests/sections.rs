@@ -94,25 +94,28 @@ fn an_interrupted_section_goes_on() {
         PrintSettings { predictor: PredictorKind::Auto, ..settings(StrategyKind::Descent, Some(2.0)) };
     let job = PrintJob::new(settings).unwrap();
     let volume = pillar(&job);
-    let run = |workspace: &Workspace, monitor: &Monitor<'_>| {
+    let run = |job: &PrintJob, workspace: &Workspace, monitor: &Monitor<'_>| {
         job.prepare_volume("pillar", &volume, color, workspace, monitor)
     };
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("print");
     let flag = AtomicBool::new(false);
     let workspace = Workspace::create(&out).unwrap();
-    let cancelled = run(&workspace, &Monitor::new(&CancelAt(&flag), &flag));
+    let cancelled = run(&job, &workspace, &Monitor::new(&CancelAt(&flag), &flag));
     assert!(cancelled.err().is_some_and(|e| e.is_cancelled()));
     drop(workspace);
     let kept = |section: usize| Workspace::folder_of(&out).join(format!("refinement-{section}.bin"));
     assert!(kept(0).exists() && kept(1).exists() && !kept(2).exists());
     let before = std::fs::metadata(kept(0)).unwrap().modified().unwrap();
     let workspace = Workspace::resume(&out);
-    let resumed = run(&workspace, &Monitor::silent()).unwrap();
+    let resumed = run(&job, &workspace, &Monitor::silent()).unwrap();
     assert_eq!(std::fs::metadata(kept(0)).unwrap().modified().unwrap(), before, "done again");
     workspace.finish().unwrap();
     assert!(!Workspace::folder_of(&out).exists());
-    let at_once = run(&Workspace::none(), &Monitor::silent()).unwrap();
+    // Another trial might choose another predictor: it goes by time.
+    let predictor = resumed.choice.unwrap().chosen;
+    let job = PrintJob::new(PrintSettings { predictor, ..job.settings().clone() }).unwrap();
+    let at_once = run(&job, &Workspace::none(), &Monitor::silent()).unwrap();
     assert!(resumed.refined.labels == at_once.refined.labels);
     assert_eq!(resumed.judged.evaluation, at_once.judged.evaluation);
 }
