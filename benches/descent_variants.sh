@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # What settings of descent do to an object: refines it by surface-first, by descent, and by descent with one setting
 # changed at a time, and prints a Markdown table of what the judge finds. A few minutes a centimetre of object.
-# usage: benches/descent_variants.sh MODEL HEIGHT_MM
+# With a third argument, a regular expression, only variants whose name it matches.
+# usage: benches/descent_variants.sh MODEL HEIGHT_MM [VARIANTS]
 set -euo pipefail
 cd "$(dirname "$0")/.."
-model=$1 height=$2
+model=$1 height=$2 wanted=${3:-}
 cargo build --quiet --release --bin pellucid
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -12,6 +13,7 @@ trap 'rm -rf "$work"' EXIT
 variant() { # name, settings in JSON without braces, further arguments
     local name=$1 settings=$2
     shift 2
+    [[ $name =~ $wanted ]] || return 0
     echo "{ \"judge_point_spp\": 64, \"proof_edge\": 64${settings:+, $settings} }" >"$work/settings.json"
     target/release/pellucid prepare "$model" --height-mm "$height" --settings "$work/settings.json" "$@" \
         --out "$work/out" --force >"$work/log" 2>&1
@@ -25,7 +27,7 @@ variant() { # name, settings in JSON without braces, further arguments
 }
 
 printf '# Descent: what its settings do\n\n'
-echo "- command: benches/descent_variants.sh $model $height"
+echo "- command: benches/descent_variants.sh $model $height${wanted:+ \"$wanted\"}"
 echo "- version: commit $(git rev-parse --short HEAD) of $(git log -1 --format=%cs)"
 echo "- machine: $(sed -n 's/^model name.*: //p' /proc/cpuinfo | head -1), $(nproc) cores"
 printf '\nOne seed. Mean dE2000 to the printable target, as the judge finds it with paths of its own.\n\n'
@@ -36,11 +38,15 @@ variant "descent, another seed" '' --seed 1
 variant "20 iterations, not 40" '' --iterations 20
 variant "80 iterations" '' --iterations 80
 variant "4 paths a point in the prediction, not 8" '"spp": 4'
-variant "16 paths" '"spp": 16'
+variant "16 paths a point in the prediction" '"spp": 16'
 variant "2 paths a point in the derivative, not 4" '"gradient_spp": 2.0'
-variant "8 paths" '"gradient_spp": 8.0'
+variant "8 paths a point in the derivative" '"gradient_spp": 8.0'
 variant "derivative by the network" '"gradient": "network"'
-variant "prediction by the network, which paths correct" '' --predictor rpnn
+variant "prediction by averaged paths, the network between" '' --predictor rpnn
+variant "prediction by averaged paths, another seed" '' --predictor rpnn --seed 1
+variant "prediction by averaged paths, 8 of them" '"spp": 8' --predictor rpnn
+variant "prediction by averaged paths, the newest at least 0.2" '"newest": 0.2' --predictor rpnn
+variant "prediction by averaged paths, the newest at least 0.05" '"newest": 0.05' --predictor rpnn
 variant "contrast 0, not 2" '"descent": { "contrast": 0.0 }'
 variant "24 layers, not 12" '"refine": { "layers": 24 }'
 variant "momentum 0.7, not 0.9" '"descent": { "momentum": 0.7 }'

@@ -98,6 +98,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod averaged;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod corrected;
@@ -118,6 +119,7 @@ mod shared;
 mod sharing;
 mod with_gradient;
 
+pub use averaged::Averaged;
 pub use corrected::{Corrected, Correction};
 pub use device::NetworkDevice;
 pub use error::PredictError;

@@ -228,6 +228,9 @@ pub struct Learned {
     pub passes: Vec<u32>,
     /// The numbers, laid out as the predictor likes.
     pub values: Vec<f64>,
+    /// Further ones, of which there may be several a point, and single precision is enough.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Vec::is_empty"))]
+    pub singles: Vec<f32>,
 }
 
 impl Learned {

@@ -3,7 +3,7 @@
 mod common;
 
 use pellucid_predict::conformance::{self, Case};
-use pellucid_predict::{Corrected, Correction, MonteCarlo, Predictor};
+use pellucid_predict::{Averaged, Corrected, Correction, MonteCarlo, Predictor};
 
 fn in_channels(predictor: &dyn Predictor, channels: &[usize]) {
     for &channels in channels {
@@ -57,6 +57,14 @@ fn the_network_corrected_by_paths() {
     let network = common::network(common::provenance());
     let corrected = Corrected::new(network, paths(), Correction::default()).unwrap();
     in_channels(&corrected, &[3]);
+}
+
+#[test]
+fn the_network_between_averaged_paths() {
+    let network = common::network(common::provenance());
+    in_channels(&Averaged::new(network, paths(), 0.2).unwrap(), &[3]);
+    let boxed: Box<dyn Predictor> = Box::new(common::small_network());
+    in_channels(&Averaged::new(boxed, paths(), 0.2).unwrap(), &[1, 5]);
 }
 
 #[test]

@@ -12,7 +12,8 @@ fn nothing_changes_on_the_way() {
         (1..2000).map(|i| f64::from_bits(0x0123_4567_89ab_cdef_u64.wrapping_mul(i))).collect();
     values.retain(|v| v.is_finite());
     assert!(values.len() > 1000);
-    let learned = Learned { predictor: "rpnn+mc".into(), passes: vec![0, 1, u32::MAX], values };
+    let singles = values.iter().map(|&v| v as f32).filter(|v| v.is_finite()).collect();
+    let learned = Learned { predictor: "rpnn+mc".into(), passes: vec![0, 1, u32::MAX], values, singles };
     let back = there_and_back(&learned);
     let bits = |l: &Learned| l.values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&back), bits(&learned));

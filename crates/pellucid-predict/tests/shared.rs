@@ -5,8 +5,8 @@ use std::sync::Arc;
 use pellucid_core::team::{Team, Threads};
 use pellucid_predict::conformance::{self, Case};
 use pellucid_predict::{
-    BoundPredictor, Changed, Corrected, Correction, Diagnostics, Draw, MaterialGradient, MonteCarlo, Object,
-    Pass, Predictor, Shared, WithGradient, predict_all,
+    Averaged, BoundPredictor, Changed, Corrected, Correction, Diagnostics, Draw, MaterialGradient,
+    MonteCarlo, Object, Pass, Predictor, Shared, WithGradient, predict_all,
 };
 use pellucid_voxel::{Control, Frame, LabelGrid, MaterialTable, Pitch, Surface, SurfaceOptions};
 
@@ -73,8 +73,9 @@ fn members_hold_what_every_predictor_must() {
         let team: Arc<dyn Team> = Arc::new(team);
         let shared = |spp| Shared::new(MonteCarlo::new(spp).unwrap(), Arc::clone(&team));
         let corrected = Corrected::new(shared(1), shared(2), Correction::default()).unwrap();
+        let averaged = Averaged::new(shared(1), shared(2), 0.2).unwrap();
         let case = Case::planted(3).unwrap();
-        for predictor in [&shared(2) as &dyn Predictor, &corrected] {
+        for predictor in [&shared(2) as &dyn Predictor, &corrected, &averaged] {
             if let Err(violation) = conformance::check(predictor, &case) {
                 panic!("rank {}: {violation}: {:?}", team.rank(), violation.source);
             }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use pellucid_core::{Domain, random};
 use pellucid_predict::conformance::{self, Case, Violation};
 use pellucid_predict::{
-    BoundPredictor, Capabilities, Changed, Corrected, Correction, Diagnostics, Draw, Identity,
+    Averaged, BoundPredictor, Capabilities, Changed, Corrected, Correction, Diagnostics, Draw, Identity,
     InstructionSet, Learned, MaterialGradient, Object, PredictError, Predictor,
 };
 use pellucid_voxel::{Control, LabelGrid, TILE};
@@ -182,6 +182,7 @@ impl BoundPredictor for BoundMock {
             predictor: "mock".into(),
             passes: vec![draw.pass.number()],
             values: vec![f64::from(draw.pass.number()) + 0.5],
+            ..Learned::default()
         };
         let mut seen = Diagnostics::default();
         seen.learned = learned;
@@ -260,6 +261,7 @@ impl BoundPredictor for BoundMock {
             predictor: "mock".into(),
             passes: self.memory.passes.clone(),
             values: vec![sum + own as f64],
+            ..Learned::default()
         }
     }
 }
@@ -281,6 +283,12 @@ fn so_does_one_that_another_corrects() {
     let fast = Mock(Fault::IgnoresTheSeed);
     let corrected = Corrected::new(fast, Mock(Fault::None), Correction::default()).unwrap();
     conformance::check(&corrected, &case()).unwrap();
+}
+
+#[test]
+fn so_does_one_that_tells_the_changes_between_averaged_passes() {
+    let fast = Mock(Fault::IgnoresTheSeed);
+    conformance::check(&Averaged::new(fast, Mock(Fault::None), 0.2).unwrap(), &case()).unwrap();
 }
 
 #[test]

@@ -113,32 +113,16 @@ numbers!(words, u16, 2, "shares");
 numbers!(moves, i16, 2, "moves");
 numbers!(floats, f32, 4, "derivatives");
 
-/// The same of what a predictor learned, whose values are f64.
-pub(crate) mod learned {
-    use pellucid_predict::Learned;
-    use serde::Serialize;
+numbers!(doubles, f64, 8, "values");
 
-    use super::*;
-
-    #[derive(Serialize, Deserialize)]
-    struct Packed {
-        predictor: String,
-        passes: Vec<u32>,
-        values: String,
-    }
-
-    pub(crate) fn serialize<S: Serializer>(learned: &Learned, serializer: S) -> Result<S::Ok, S::Error> {
-        let packed = Packed {
-            predictor: learned.predictor.clone(),
-            passes: learned.passes.clone(),
-            values: Text(&learned.values, |v| v.to_le_bytes()).to_string(),
-        };
-        packed.serialize(serializer)
-    }
-
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Learned, D::Error> {
-        let packed = Packed::deserialize(deserializer)?;
-        let values = decoded(packed.values.into(), f64::from_le_bytes)?;
-        Ok(Learned { predictor: packed.predictor, passes: packed.passes, values })
-    }
+/// The same of what a predictor learned.
+#[derive(serde::Serialize, Deserialize)]
+#[serde(remote = "pellucid_predict::Learned")]
+pub(crate) struct Learned {
+    predictor: String,
+    passes: Vec<u32>,
+    #[serde(with = "doubles")]
+    values: Vec<f64>,
+    #[serde(with = "floats", default, skip_serializing_if = "Vec::is_empty")]
+    singles: Vec<f32>,
 }

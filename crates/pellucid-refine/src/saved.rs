@@ -36,7 +36,7 @@ pub struct Saved<S> {
     /// What happened so far.
     pub report: RefineReport,
     /// What the predictor learned so far.
-    #[serde(with = "crate::packed::learned")]
+    #[serde(with = "crate::packed::Learned")]
     pub memory: Learned,
 }
 

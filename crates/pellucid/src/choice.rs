@@ -14,7 +14,7 @@ use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
 use crate::job::Aimed;
-use crate::{PredictorKind, PrintError, PrintJob, predictors};
+use crate::{PredictorKind, PrintError, PrintJob, StrategyKind, predictors};
 
 /// Patches of the surface on which errors are taken.
 const PATCHES: u64 = 48;
@@ -58,6 +58,14 @@ impl Choice {
         let passes: Vec<String> = trials.iter().map(pass).collect();
         let reason = format!("it takes least time for equal error: over the surface {}", passes.join(", "));
         Self { chosen, reason, trials }
+    }
+
+    /// The path tracer for descent, without a trial: one pass says nothing of what averaged passes come to, and in all they
+    /// are ahead on some objects only (docs/results/descent).
+    fn of_descent() -> Self {
+        let reason =
+            "with descent the network is ahead on some objects only, and takes more memory".to_owned();
+        Self { chosen: PredictorKind::MonteCarlo, reason, trials: Vec::new() }
     }
 
     /// The path tracer, since the network does not fit.
@@ -128,8 +136,9 @@ impl Patches {
 
 impl PrintJob {
     /// Tries the predictors that this build and the settings have on an object. The choice depends on the machine; a
-    /// job keeps it, and its record names what was chosen. A network that was not trained for the job's voxels, boundary
-    /// or materials is not tried: paths are taken, and [`Choice::reason`] says so.
+    /// job keeps it, and its record names what was chosen. [`StrategyKind::Descent`] takes paths without a trial. A
+    /// network that was not trained for the job's voxels, boundary or materials is not tried: paths are taken, and
+    /// [`Choice::reason`] says so.
     ///
     /// # Errors
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
@@ -138,6 +147,7 @@ impl PrintJob {
         let network = match predictors::fitting(&settings, &aimed.object, self.team(), predictors::predictor)?
         {
             Err(fault) => return Ok(Choice::without_network(&fault.to_string())),
+            Ok(_) if settings.strategy == StrategyKind::Descent => return Ok(Choice::of_descent()),
             Ok(network) => network,
         };
         let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };

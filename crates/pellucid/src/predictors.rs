@@ -35,14 +35,14 @@ pub(crate) fn predictor(
     settings: &PrintSettings,
     team: &Arc<dyn Team>,
 ) -> Result<Arc<dyn Predictor>, PrintError> {
-    let mut tracer = own_paths(settings, settings.spp.unwrap_or(settings.strategy.spp()))?;
+    let mut tracer = own_paths(settings, settings.spp.unwrap_or(settings.strategy.spp(settings.predictor)))?;
     if settings.strategy == StrategyKind::Descent {
         tracer = tracer.with_pooled_adjoint().with_adjoint_paths(gradient_paths(settings))?;
     }
     let tracer = Shared::new(tracer, Arc::clone(team));
     let values: Arc<dyn Predictor> = match settings.predictor {
         PredictorKind::MonteCarlo | PredictorKind::Auto => Arc::new(tracer.clone()),
-        PredictorKind::Rpnn => corrected(settings, tracer.clone(), team)?,
+        PredictorKind::Rpnn => with_paths(settings, tracer.clone(), team)?,
     };
     let by_paths = settings.predictor != PredictorKind::Rpnn;
     match (settings.strategy, settings.gradient) {
@@ -60,17 +60,26 @@ fn gradient_paths(settings: &PrintSettings) -> f32 {
     settings.gradient_spp * (3.0 / settings.materials.channels() as f32).min(1.0)
 }
 
+/// The network with what paths take out of its error.
 #[cfg(feature = "rpnn")]
-fn corrected(
+fn with_paths(
     settings: &PrintSettings,
     tracer: Shared<MonteCarlo>,
     team: &Arc<dyn Team>,
 ) -> Result<Arc<dyn Predictor>, PrintError> {
-    Ok(Arc::new(pellucid_predict::Corrected::new(network(settings, team)?, tracer, settings.correction)?))
+    use pellucid_predict::{Averaged, Corrected};
+
+    let network = network(settings, team)?;
+    Ok(match settings.strategy {
+        StrategyKind::Descent => Arc::new(Averaged::new(network, tracer, settings.newest)?),
+        StrategyKind::SurfaceFirst | StrategyKind::SurfaceColor => {
+            Arc::new(Corrected::new(network, tracer, settings.correction)?)
+        }
+    })
 }
 
 #[cfg(not(feature = "rpnn"))]
-fn corrected(
+fn with_paths(
     _: &PrintSettings,
     _: Shared<MonteCarlo>,
     _: &Arc<dyn Team>,

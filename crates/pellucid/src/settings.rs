@@ -23,8 +23,11 @@ pub enum PredictorKind {
     #[default]
     #[serde(rename = "mc")]
     MonteCarlo,
-    /// The radiance-predicting neural network, corrected by paths at some of the points: with the weights that the
-    /// library carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`).
+    /// The radiance-predicting neural network with paths that take its error out: with the weights that the library
+    /// carries (feature `weights`), or with [`PrintSettings::weights`] (feature `rpnn`). For [`StrategyKind::Descent`]
+    /// paths of all points are averaged over iterations, and the network tells what changed in between
+    /// ([`Averaged`](pellucid_predict::Averaged)); for the others paths of some points tell the error of their neighbours
+    /// ([`Corrected`](pellucid_predict::Corrected)).
     #[serde(rename = "rpnn")]
     Rpnn,
     /// Whichever is ahead on the object at hand, by trial: [`PrintJob::choose`](crate::PrintJob::choose). A job's record
@@ -85,11 +88,12 @@ impl StrategyKind {
         }
     }
 
-    /// Paths a point and channel that its predictions need, [`PrintSettings::spp`].
-    pub fn spp(self) -> u32 {
-        match self {
-            Self::SurfaceFirst | Self::SurfaceColor => 16,
-            Self::Descent => 8,
+    /// Paths a point and channel that its predictions need, [`PrintSettings::spp`], by a predictor that is settled.
+    pub fn spp(self, predictor: PredictorKind) -> u32 {
+        match (self, predictor) {
+            (Self::SurfaceFirst | Self::SurfaceColor, _) => 16,
+            (Self::Descent, PredictorKind::Rpnn) => 4,
+            (Self::Descent, PredictorKind::MonteCarlo | PredictorKind::Auto) => 8,
         }
     }
 }
@@ -141,11 +145,14 @@ pub struct PrintSettings {
     /// Weights for [`PredictorKind::Rpnn`]; the library's own without them. A record names them by their digest.
     #[serde(skip)]
     pub weights: Option<crate::NetworkWeights>,
-    /// Paths a point and channel in each iteration: of every point with [`PredictorKind::MonteCarlo`], of those that
-    /// correct the network with [`PredictorKind::Rpnn`]. [`StrategyKind::spp`] where `None`.
+    /// Paths a point and channel in each iteration: of every point, or of those that correct the network.
+    /// [`StrategyKind::spp`] where `None`.
     pub spp: Option<u32>,
-    /// How paths correct the network.
+    /// How paths at some of the points correct the network.
     pub correction: Correction,
+    /// Least share of the newest iteration in the mean of those whose paths take the network's error out at every point
+    /// by itself, above 0 to 1.
+    pub newest: f64,
     /// What neighbouring points share of the network's work; null for nothing.
     pub sharing: Option<Sharing>,
     /// Device that runs the network in candle (features `candle`, `cuda`, `metal`); this library's own kernels run it
@@ -221,6 +228,7 @@ impl Default for PrintSettings {
             weights: None,
             spp: None,
             correction: Correction::default(),
+            newest: 0.1,
             sharing: Some(Sharing::default()),
             device: None,
             instruction_set: None,
@@ -248,7 +256,7 @@ impl PrintSettings {
 
     /// Checks what does not need other crates' tables, and finds the label of white.
     pub(crate) fn check(&self) -> Result<u8, PrintError> {
-        let spp = self.spp.unwrap_or(self.strategy.spp());
+        let spp = self.spp.unwrap_or(self.strategy.spp(self.predictor));
         for (field, value) in
             [("spp", spp), ("judge_spp", self.judge_spp), ("judge_point_spp", self.judge_point_spp)]
         {

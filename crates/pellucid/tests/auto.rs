@@ -2,8 +2,12 @@
 
 mod common;
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use pellucid::mesh::{BaseColor, Model, Triangle, Vertex};
+use pellucid::refine::RefineSettings;
 use pellucid::slice::PrintTarget;
+use pellucid::stage::{Observer, Stage};
 use pellucid::voxel::{Frame, LabelGrid, MaterialTable};
 use pellucid::{Choice, Monitor, PredictorKind, PrintJob, PrintSettings, StrategyKind, Workspace};
 
@@ -36,9 +40,62 @@ fn choice(settings: PrintSettings) -> Choice {
 
 #[test]
 fn trials_decide_where_the_network_fits() {
-    let choice = choice(settings());
-    assert_eq!(choice.trials.len(), 2);
-    assert!(choice.reason.contains("mc takes") && choice.reason.contains("rpnn takes"), "{}", choice.reason);
+    for section_mm in [None, Some(1.0)] {
+        let choice = choice(PrintSettings { section_mm, ..settings() });
+        assert_eq!(choice.trials.len(), 2);
+        let reason = &choice.reason;
+        assert!(reason.contains("mc takes") && reason.contains("rpnn takes"), "{reason}");
+    }
+}
+
+#[test]
+fn descent_takes_paths_without_a_trial() {
+    let choice = choice(PrintSettings { strategy: StrategyKind::Descent, ..settings() });
+    assert_eq!((choice.chosen, choice.trials.len()), (PredictorKind::MonteCarlo, 0));
+    assert!(choice.reason.contains("descent"), "{}", choice.reason);
+}
+
+#[test]
+fn descent_by_averaged_paths_comes_closer_and_is_resumed_to_the_same() {
+    let settings = PrintSettings {
+        predictor: PredictorKind::Rpnn,
+        spp: None,
+        refine: RefineSettings { iterations: Some(9), ..quick().refine },
+        strategy: StrategyKind::Descent,
+        ..quick()
+    };
+    let job = PrintJob::new(settings).unwrap();
+    assert_eq!(job.settings().spp, Some(4));
+    let frame = Frame::new([0.0; 3], job.settings().printer.pitch(), [24, 12, 40]).unwrap();
+    let block = LabelGrid::from_fn(frame, |_| 1);
+    let color = |[x, ..]: [u32; 3]| if x < 12 { [0.8, 0.2, 0.1] } else { [0.9, 0.9, 0.8] };
+    let run = |workspace: &Workspace, monitor: &Monitor<'_>| {
+        job.prepare_volume("block", &block, color, workspace, monitor)
+    };
+    let whole = run(&Workspace::none(), &Monitor::silent()).unwrap();
+    assert_eq!(whole.record.predictor.name, "rpnn~mc");
+    let evaluation = &whole.judged.evaluation;
+    let [before, after] =
+        [&evaluation.unrefined, &evaluation.refined].map(|errors| errors.at_0_1_mm.printable.mean);
+    assert!(after < 0.9 * before, "{before} {after}");
+
+    struct CancelAt<'a>(&'a AtomicBool);
+    impl Observer for CancelAt<'_> {
+        fn progress(&self, stage: Stage, done: u64, total: u64) {
+            if stage == Stage::Refine && 4 * done > 3 * total {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("print");
+    let flag = AtomicBool::new(false);
+    let workspace = Workspace::create(&out).unwrap();
+    let cancelled = run(&workspace, &Monitor::new(&CancelAt(&flag), &flag));
+    assert!(cancelled.err().is_some_and(|e| e.is_cancelled()));
+    drop(workspace);
+    let resumed = run(&Workspace::resume(&out), &Monitor::silent()).unwrap();
+    assert!(resumed.refined.labels == whole.refined.labels, "what was learned was lost");
 }
 
 #[test]

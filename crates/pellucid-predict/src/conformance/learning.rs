@@ -14,7 +14,12 @@ pub fn learning(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation>
     let mut bound = trial.fresh(&case.labels)?;
     trial.ensure(bound.memory().is_empty(), "it remembers something before it learned anything")?;
     trial.worked("absorbing nothing", bound.absorb(&Learned::default()))?;
-    let foreign = Learned { predictor: "somebody else".into(), passes: vec![0], values: vec![1.0, 2.0] };
+    let foreign = Learned {
+        predictor: "somebody else".into(),
+        passes: vec![0],
+        values: vec![1.0, 2.0],
+        ..Learned::default()
+    };
     trial.ensure(bound.absorb(&foreign).is_err(), "it absorbed what another predictor learned")?;
     let (before, seen) = trial.predict(&*bound, &case.points, DRAW)?;
     if seen.learned.is_empty() {

@@ -48,7 +48,7 @@ impl Owner {
             values.push(*weight);
             values.extend(sums);
         }
-        Learned { predictor: self.predictor.clone(), passes, values }
+        Learned { predictor: self.predictor.clone(), passes, values, singles: Vec::new() }
     }
 
     /// Moments from what [`Owner::write`] made.

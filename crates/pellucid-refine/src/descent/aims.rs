@@ -23,8 +23,8 @@ pub(super) struct Loss {
 /// By the colours shown in one viewing.
 pub(super) struct Slopes {
     pub gradient: Vec<[f32; 3]>,
+    /// With `reach`, how far a full step would move each colour; both empty where they are not asked for.
     pub curvature: Vec<[f32; 3]>,
-    /// How far a full step would move each colour.
     pub reach: Vec<[f32; 3]>,
 }
 
@@ -44,11 +44,12 @@ impl Loss {
 }
 
 impl DescentTools {
-    /// The loss, its gradient, and the weights of its curvature, by the colours shown in every viewing.
+    /// The loss and its gradient by the colours shown in every viewing; the weights of its `curvature` where asked for.
     pub(super) fn loss(
         &self,
         setup: &Setup<'_>,
         seen: &Seen<'_>,
+        curvature: bool,
         control: &Control<'_>,
     ) -> Result<Loss, RefineError> {
         let count = seen.shown.len();
@@ -57,12 +58,17 @@ impl DescentTools {
         for (i, (aim, scales)) in setup.problem.aims().zip(&self.scales).enumerate() {
             let others = (i > 0).then(|| shown_in(aim.viewing, seen.radiance));
             let shown = others.as_deref().unwrap_or(seen.shown);
-            let reach = reach(aim.viewing, shown);
-            let mut found = Found { loss, gradient: vec![[0.0; 3]; count], curvature: vec![[0.0; 3]; count] };
+            let reach = curvature.then(|| reach(aim.viewing, shown));
+            let mut found = Found {
+                loss,
+                gradient: vec![[0.0; 3]; count],
+                curvature: vec![[0.0; 3]; if curvature { count } else { 0 }],
+            };
             for (scale, smoother) in scales.iter().zip([seen.smoother, &self.fine]) {
-                scale.add(smoother, &self.low_pass, shown, &reach, &mut found, control)?;
+                scale.add(smoother, &self.low_pass, shown, reach.as_deref(), &mut found, control)?;
             }
             loss = found.loss;
+            let reach = reach.unwrap_or_default();
             slopes.push(Slopes { gradient: found.gradient, curvature: found.curvature, reach });
         }
         Ok(Loss { loss, slopes })

@@ -38,7 +38,7 @@ pub(super) struct Found {
     pub loss: Vec<f32>,
     /// By the shown colours.
     pub gradient: Vec<[f32; 3]>,
-    /// A bound of the loss's curvature by the shown colours, given how far each would go.
+    /// A bound of the loss's curvature by the shown colours, given how far each would go; empty where it is not asked for.
     pub curvature: Vec<[f32; 3]>,
 }
 
@@ -57,25 +57,26 @@ impl Scale {
         Ok(Self { aim, rows, weight, contrast: weights.contrast })
     }
 
-    /// Adds the loss of shown colours and its derivatives. `reach` is how far a full step would move each shown colour.
-    /// `smoother` is the one that the aim was looked at through, `low_pass` makes the means that local contrast
+    /// Adds the loss of shown colours and its derivatives; of the curvature where `reach` says how far a full step would
+    /// move each shown colour. `smoother` is the one that the aim was looked at through, `low_pass` makes the means that local contrast
     /// leaves out.
     pub(super) fn add(
         &self,
         smoother: &SurfaceSmoother,
         low_pass: &LowPass,
         shown: &[[f32; 3]],
-        reach: &[[f32; 3]],
+        reach: Option<&[[f32; 3]]>,
         found: &mut Found,
         control: &Control<'_>,
     ) -> Result<(), Cancelled> {
         let smooth = smoother.smooth(shown.to_vec(), control)?;
-        let reach = smoother.smooth(reach.to_vec(), control)?;
+        let reach = reach.map(|reach| smoother.smooth(reach.to_vec(), control)).transpose()?;
+        let reach_of = |i: usize| reach.as_ref().map_or([0.0; 3], |reach| reach[i]);
         let differences = self.differences(&smooth);
         let contrast = low_pass.contrast(differences.iter().map(|d| d[0]).collect(), control)?;
-        let points = smooth.par_iter().zip(&reach).zip(&self.rows).zip(&differences).zip(&contrast);
-        let each = points.map(|((((&rgb, &reach), rows), &difference), &contrast)| {
-            self.point(rgb, reach, rows, difference, contrast)
+        let points = smooth.par_iter().enumerate().zip(&self.rows).zip(&differences).zip(&contrast);
+        let each = points.map(|((((i, &rgb), rows), &difference), &contrast)| {
+            self.point(rgb, reach_of(i), rows, difference, contrast)
         });
         let (loss, slopes): (Vec<f32>, Vec<Slopes>) = each.unzip();
         let (gradient, curvature): (Vec<_>, Vec<_>) = slopes.into_iter().unzip();
@@ -86,7 +87,7 @@ impl Scale {
             Ok::<(), Cancelled>(())
         };
         add(&mut found.gradient, gradient)?;
-        add(&mut found.curvature, curvature)
+        if reach.is_some() { add(&mut found.curvature, curvature) } else { Ok(()) }
     }
 
     /// What of the loss of one prediction is its random error, summed over all points, given two of the same labels with
@@ -212,7 +213,8 @@ mod tests {
             gradient: vec![[0.0; 3]; count],
             curvature: vec![[0.0; 3]; count],
         };
-        scale.add(&smoother, &low_pass, &shown, &vec![[1.0; 3]; count], &mut found, &control).unwrap();
+        let reach = vec![[1.0; 3]; count];
+        scale.add(&smoother, &low_pass, &shown, Some(&reach), &mut found, &control).unwrap();
         (found.loss.iter().sum(), found.gradient.iter().flatten().map(|g| g.abs()).sum())
     }
 

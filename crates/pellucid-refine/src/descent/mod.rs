@@ -252,8 +252,9 @@ impl Descent {
         seen: &Seen<'_>,
         control: &Control<'_>,
     ) -> Result<OwnStep, RefineError> {
-        let found = tools.loss(setup, seen, control)?;
         let mut begun = begun.map(Box::new);
+        let bounded = begun.is_some() && self.rule != StepRule::Adam;
+        let found = tools.loss(setup, seen, bounded, control)?;
         let from = begun.as_deref().unwrap_or(state);
         let mut patches = from.patches.clone();
         tools.patches.judge(&mut patches, &found.loss);
@@ -262,7 +263,7 @@ impl Descent {
             false => None,
         };
         let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
-        if let Some(begun) = begun.as_mut().filter(|_| self.rule != StepRule::Adam) {
+        if let Some(begun) = begun.as_mut().filter(|_| bounded) {
             let by_inks = self.curvature(setup, tools, seen, draw, &found, control)?;
             begun.take_curvature(setup, &by_inks, found.expected(&setup.layers));
         }

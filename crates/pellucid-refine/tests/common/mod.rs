@@ -284,6 +284,7 @@ impl BoundPredictor for Blur {
                 predictor: "blur".into(),
                 passes: vec![draw.pass.number()],
                 values: vec![mean / 3.0],
+                ..Learned::default()
             };
         }
         Ok(diagnostics)

@@ -90,7 +90,9 @@ impl PrintJob {
             false => (None, settings.materials.clone()),
         };
         settings.refine.seed = settings.seed;
-        settings.spp.get_or_insert(settings.strategy.spp());
+        if settings.predictor != PredictorKind::Auto {
+            settings.spp.get_or_insert(settings.strategy.spp(settings.predictor));
+        }
         let iterations = match settings.strategy {
             StrategyKind::SurfaceFirst => settings.surface_first.iterations(),
             StrategyKind::Descent => settings.descent.iterations(),
