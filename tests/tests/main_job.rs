@@ -8,7 +8,9 @@ use pellucid::core::Control;
 use pellucid::mesh::Scale;
 use pellucid::refine::Effort;
 use pellucid::stage::{Observer, Silent, Stage};
-use pellucid::{Monitor, PredictorKind, Prepared, PrintError, PrintJob, PrintSettings, Report, Workspace};
+use pellucid::{
+    Monitor, PredictorKind, Prepared, PrintError, PrintJob, PrintSettings, Report, StrategyKind, Workspace,
+};
 use pellucid_tests::patched_ball;
 
 fn settings(height_mm: f64) -> PrintSettings {
@@ -108,14 +110,18 @@ fn the_network_refines_too_and_path_tracing_agrees_that_it_helped() {
     let mut s = settings(4.0);
     s.predictor = PredictorKind::Rpnn;
     s.refine.iterations = Some(3);
-    let prepared = prepare(s.clone());
-    assert_eq!(prepared.record.predictor.name, "rpnn+mc");
-    assert!(prepared.record.predictor.weights.is_some());
-    let report = &prepared.refined.report;
-    assert!(report.iterations.iter().all(|i| i.outside_training == 0 && i.paths > 0));
-    let e = &prepared.judged.evaluation;
-    assert!(e.refined.voxel.printable.mean < 0.9 * e.unrefined.voxel.printable.mean, "{e:?}");
-    assert!(prepared.judged.prediction.is_some_and(|p| p.rmse < 0.1), "{:?}", prepared.judged.prediction);
+    for (strategy, name) in [(StrategyKind::SurfaceFirst, "rpnn+mc"), (StrategyKind::Descent, "rpnn~mc")] {
+        s.strategy = strategy;
+        let prepared = prepare(s.clone());
+        assert_eq!(prepared.record.predictor.name, name);
+        assert!(prepared.record.predictor.weights.is_some());
+        let report = &prepared.refined.report;
+        assert!(report.iterations.iter().all(|i| i.outside_training == 0 && i.paths > 0));
+        let e = &prepared.judged.evaluation;
+        assert!(e.refined.voxel.printable.mean < 0.9 * e.unrefined.voxel.printable.mean, "{name}: {e:?}");
+        let alone = prepared.judged.prediction;
+        assert!(alone.as_ref().is_some_and(|p| p.rmse < 0.1), "{name}: {alone:?}");
+    }
 
     // It was trained for one boundary; another is refused before any work.
     s.refractive_index = 1.0;
@@ -135,7 +141,7 @@ fn a_predictor_is_chosen_by_trial_and_a_resumed_job_keeps_it() {
     }
     let folder = tempfile::tempdir().unwrap();
     let mut settings = quick(2.0);
-    settings.predictor = PredictorKind::Auto;
+    (settings.predictor, settings.strategy) = (PredictorKind::Auto, StrategyKind::SurfaceFirst);
     let (job, model) = (PrintJob::new(settings.clone()).unwrap(), patched_ball());
     let out = folder.path().join("print");
     let flag = AtomicBool::new(false);

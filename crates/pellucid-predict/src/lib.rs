@@ -10,6 +10,7 @@
 //! | `CandleNetwork` | `candle` (`cuda`, `metal`) | the same network in candle, on any of its devices |
 //! | [`Shared`] | - | another one, whose work the members of a team share out |
 //! | [`Corrected`] | - | a fast one whose error an unbiased one finds at some of the points, and which is taken out |
+//! | [`Averaged`] | - | an unbiased one averaged over the passes of a loop; a fast one tells what changed in between |
 //!
 //! Feature `conformance` has the suite that all of them pass and one's own should, `serde` serialises identities,
 //! settings and what was learned.

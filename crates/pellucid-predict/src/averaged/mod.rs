@@ -15,9 +15,9 @@ use crate::{BoundPredictor, Capabilities, Identity, Object, PredictError, Predic
 /// changed of it.
 ///
 /// A mean of the values alone lags behind changes, and steps by it overshoot. This one follows, and its noise is that of
-/// many more paths than a pass traces.
-///
-/// Values of dark points may lie below 0, by noise.
+/// many more paths than a pass traces; but it is nearly the same from one pass to the next, and does not average out over
+/// steps as that of independent passes does. Two draws of a pass differ by the newest measurement alone, which is less than
+/// the noise. Values of dark points may lie below 0.
 ///
 /// Values are a function of object, labels, what was absorbed, point and draw: the first prediction with a draw measures
 /// the error at every point of the surface, whichever it asks for, so few points cost as much as all. A pass

@@ -57,9 +57,9 @@ impl Scale {
         Ok(Self { aim, rows, weight, contrast: weights.contrast })
     }
 
-    /// Adds the loss of shown colours and its derivatives; of the curvature where `reach` says how far a full step would
-    /// move each shown colour. `smoother` is the one that the aim was looked at through, `low_pass` makes the means that local contrast
-    /// leaves out.
+    /// Adds the loss of shown colours and its gradient; the curvature too where `reach` says how far a full step would move
+    /// each shown colour. `smoother` is the one that the aim was looked at through, `low_pass` makes the means that local
+    /// contrast leaves out.
     pub(super) fn add(
         &self,
         smoother: &SurfaceSmoother,
