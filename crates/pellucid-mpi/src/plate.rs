@@ -11,6 +11,7 @@ use pellucid_cli::{Failure, PrepareArgs, prepare_in};
 
 /// Arguments of `pellucid-mpi prepare`: those of `pellucid prepare`, and further models.
 #[derive(clap::Args)]
+#[group(skip)]
 pub struct Args {
     #[command(flatten)]
     one: PrepareArgs,
