@@ -151,10 +151,12 @@ impl Plot {
     }
 }
 
-/// A line, or a dot where there is one point.
+/// A line; dots where there is one point, or several of one x, which are no curve.
 fn curve(points: &[[f64; 2]], color: &str, out: &mut String) {
-    if let [[x, y]] = points {
-        let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>");
+    if points.windows(2).all(|pair| pair[0][0] == pair[1][0]) {
+        for [x, y] in points {
+            let _ = writeln!(out, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>");
+        }
         return;
     }
     let list: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
@@ -224,12 +226,16 @@ mod tests {
                         points: vec![[1.0, 1.0], [10.0, 0.1], [100.0, 0.01], [0.0, 1.0]],
                     },
                     Series { name: "dot".into(), points: vec![[1000.0, 0.1]] },
+                    Series { name: "seeds".into(), points: vec![[10.0, 1.0], [10.0, 0.01]] },
                 ],
             }],
         };
         let svg = plot.svg();
         assert!(svg.contains("points=\"46.0,22.0 168.0,119.0 290.0,216.0\""), "{svg}");
         assert!(svg.contains("<circle cx=\"290.0\" cy=\"119.0\""), "beyond the axis: at its end");
+        for seed in ["cy=\"22.0\"", "cy=\"216.0\""] {
+            assert!(svg.contains(&format!("<circle cx=\"168.0\" {seed}")), "{svg}");
+        }
         assert!(svg.contains("a &lt; b"));
         assert_eq!(Axis::around("t", [22.0, 0.0, 1.1, f64::NAN]).range, [1.0, 22.0 * 1.1]);
         assert_eq!(Axis::around("t", []).range, [1.0, 10.0]);

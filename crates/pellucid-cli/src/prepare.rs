@@ -256,14 +256,17 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         }
         settings.strategy = StrategyKind::SurfaceColor;
     }
+    // `auto` takes paths for descent.
+    let by_paths = settings.predictor == PredictorKind::MonteCarlo
+        || settings.predictor == PredictorKind::Auto && settings.strategy == StrategyKind::Descent;
     if let Some(file) = &args.weights {
-        if settings.predictor == PredictorKind::MonteCarlo && settings.gradient == GradientKind::Paths {
+        if by_paths && settings.gradient == GradientKind::Paths {
             return Err(Failure::message("--weights are the network's; add --predictor rpnn"));
         }
         settings.weights = Some(NetworkWeights::load(file)?);
     }
     if let Some(device) = args.device {
-        if settings.predictor == PredictorKind::MonteCarlo {
+        if by_paths {
             return Err(Failure::message("--device is the network's; add --predictor rpnn"));
         }
         settings.device = Some(device);

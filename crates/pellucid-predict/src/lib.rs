@@ -113,6 +113,7 @@ mod monte_carlo;
 #[cfg(feature = "rpnn")]
 mod network;
 pub mod object;
+mod pair;
 #[cfg(feature = "mc")]
 mod picture;
 pub mod predictor;

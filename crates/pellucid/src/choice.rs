@@ -143,11 +143,13 @@ impl PrintJob {
     /// # Errors
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
     pub fn choose(&self, aimed: &Aimed, control: &Control<'_>) -> Result<Choice, PrintError> {
+        if self.settings().strategy == StrategyKind::Descent {
+            return Ok(Choice::of_descent());
+        }
         let settings = crate::PrintSettings { predictor: PredictorKind::Rpnn, ..self.settings().clone() };
         let network = match predictors::fitting(&settings, &aimed.object, self.team(), predictors::predictor)?
         {
             Err(fault) => return Ok(Choice::without_network(&fault.to_string())),
-            Ok(_) if settings.strategy == StrategyKind::Descent => return Ok(Choice::of_descent()),
             Ok(network) => network,
         };
         let paths = crate::PrintSettings { predictor: PredictorKind::MonteCarlo, ..self.settings().clone() };

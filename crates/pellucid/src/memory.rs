@@ -201,7 +201,6 @@ mod tests {
     fn the_network_between_averaged_paths_is_counted() {
         let plain = job(20.0, StrategyKind::Descent);
         let settings = PrintSettings { predictor: PredictorKind::Rpnn, ..plain.settings().clone() };
-        let settings = PrintSettings { spp: None, ..settings };
         let need = |job: &PrintJob| job.memory_need(&block()).unwrap();
         let [plain, averaged] = [need(&plain), need(&PrintJob::new(settings).unwrap())];
         let more = (averaged.bytes.0 - plain.bytes.0) / plain.surface_voxels;

@@ -1,5 +1,6 @@
 //! What passes have found a predictor's error to be, and how it is written down.
 
+use crate::pair::{check_learned, halves, not_learned};
 use crate::{Learned, ObjectId, PredictError};
 
 /// The mean error of some passes.
@@ -49,34 +50,24 @@ impl Owner {
         Learned {
             predictor: self.predictor.clone(),
             passes,
-            values: self.identity().to_vec(),
+            values: halves(self.object).to_vec(),
             singles: values,
         }
     }
 
     /// Errors from what [`Owner::write`] made.
     pub(super) fn read(&self, learned: &Learned) -> Result<Errors, PredictError> {
-        let wrong = |reason: String| Err(PredictError::invalid("learned values", reason));
-        if learned.predictor != self.predictor {
-            return wrong(format!("of {}; this predictor is {}", learned.predictor, self.predictor));
+        check_learned(learned, &self.predictor)?;
+        let Learned { passes, values, singles, .. } = learned;
+        if *values != halves(self.object) {
+            return Err(not_learned("of another object"));
         }
-        if learned.passes.is_empty() || !learned.passes.is_sorted_by(|a, b| a < b) {
-            return wrong("without passes, or passes that do not ascend".into());
+        if singles.len() != self.values {
+            return Err(not_learned(format!("{} in number instead of {}", singles.len(), self.values)));
         }
-        if learned.values != self.identity() {
-            return wrong("of another object".into());
+        if singles.iter().any(|v| !v.is_finite()) {
+            return Err(not_learned("that are not finite"));
         }
-        if learned.singles.len() != self.values {
-            return wrong(format!("{} in number instead of {}", learned.singles.len(), self.values));
-        }
-        if learned.singles.iter().any(|v| !v.is_finite()) {
-            return wrong("that are not finite".into());
-        }
-        Ok(Errors { passes: learned.passes.clone(), values: learned.singles.clone() })
-    }
-
-    fn identity(&self) -> [f64; 2] {
-        let ObjectId(id) = self.object;
-        [(id >> 32) as f64, (id & 0xffff_ffff) as f64]
+        Ok(Errors { passes: passes.clone(), values: singles.clone() })
     }
 }

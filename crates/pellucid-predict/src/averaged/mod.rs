@@ -7,6 +7,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use crate::pair::{self, Pair};
 use crate::{BoundPredictor, Capabilities, Identity, Object, PredictError, Predictor};
 
 /// Predicts by `fast` and takes out its error at every point by itself: the mean of what `unbiased` found there in this
@@ -53,18 +54,7 @@ impl<F: Predictor, U: Predictor> Averaged<F, U> {
 impl<F: Predictor, U: Predictor> Predictor for Averaged<F, U> {
     /// The names of both, `rpnn~mc`; their settings follow their names, as in `mc.spp`.
     fn identity(&self) -> Identity {
-        let (fast, unbiased) = (self.fast.identity(), self.unbiased.identity());
-        // Where one of them depends on its instructions, so do the values.
-        let set = if fast.exact { unbiased.instruction_set } else { fast.instruction_set };
-        let name = format!("{}~{}", fast.name, unbiased.name);
-        let mut identity = Identity::new(name, set, fast.exact && unbiased.exact).with("newest", self.newest);
-        for part in [&fast, &unbiased] {
-            for (setting, value) in &part.settings {
-                identity = identity.with(format!("{}.{setting}", part.name), value);
-            }
-        }
-        identity.weights = fast.weights.or(unbiased.weights);
-        identity
+        pair::identity(&self.fast, '~', &self.unbiased).with("newest", self.newest)
     }
 
     fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
@@ -75,9 +65,7 @@ impl<F: Predictor, U: Predictor> Predictor for Averaged<F, U> {
     }
 
     fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
-        let fast = self.fast.bind(Arc::clone(&object))?;
-        let unbiased = self.unbiased.bind(Arc::clone(&object))?;
-        let name = self.identity().name;
-        Ok(Box::new(bound::BoundAveraged::new(fast, unbiased, self.newest, name, object)))
+        let pair = Pair::new(object, &self.fast, &self.unbiased)?;
+        Ok(Box::new(bound::BoundAveraged::new(pair, self.newest, self.identity().name)))
     }
 }

@@ -1,7 +1,5 @@
 //! One object under a corrected predictor.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
 use pellucid_core::team::Alone;
 use pellucid_core::{Control, Domain, Team, random};
 use pellucid_voxel::LabelGrid;
@@ -11,6 +9,7 @@ use super::Correction;
 use super::field::Smoothed;
 use super::moments::{Moments, Owner};
 use super::quadratic::{Quadratic, TERMS, evaluate};
+use crate::pair::{Last, Pair, are_new, reporting};
 use crate::{BoundPredictor, Changed, Diagnostics, Draw, Learned, MaterialGradient, Object, PredictError};
 
 /// Points that one task corrects.
@@ -18,23 +17,18 @@ const CHUNK: usize = 4096;
 const ANCHOR: Domain = Domain::new("anchor");
 
 pub(super) struct BoundCorrected {
-    object: Arc<Object>,
-    fast: Box<dyn BoundPredictor>,
-    unbiased: Box<dyn BoundPredictor>,
+    pair: Pair,
     settings: Correction,
     owner: Owner,
     memory: Moments,
     /// What `memory` holds, ascending.
     passes: Vec<u32>,
-    /// Both predictors hold the labels of the last update.
-    current: bool,
-    /// The last draw's correction for these labels and this memory; a pure function of them.
-    found: Mutex<Option<Arc<Found>>>,
+    /// Corrections.
+    found: Last<Found>,
 }
 
 /// A draw's anchors and what they tell.
 struct Found {
-    draw: Draw,
     /// Ascending.
     anchors: Vec<u32>,
     /// The fast predictor's values there, `[anchor][channel]`.
@@ -47,48 +41,27 @@ struct Found {
 }
 
 impl BoundCorrected {
-    pub(super) fn new(
-        fast: Box<dyn BoundPredictor>,
-        unbiased: Box<dyn BoundPredictor>,
-        settings: Correction,
-        name: String,
-        object: Arc<Object>,
-    ) -> Self {
+    pub(super) fn new(pair: Pair, settings: Correction, name: String) -> Self {
+        let object = &pair.object;
         let channels = object.channels();
         let owner = Owner { predictor: name, object: object.id(), channels, radius_mm: settings.radius_mm };
         let memory = Moments::new(channels);
-        let found = Mutex::new(None);
-        Self { object, fast, unbiased, settings, owner, memory, passes: Vec::new(), current: false, found }
-    }
-
-    fn forget_found(&mut self) {
-        *self.found.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
+        Self { pair, settings, owner, memory, passes: Vec::new(), found: Last::none() }
     }
 
     /// The correction of a draw, and how many paths finding it took.
-    fn find(&self, draw: Draw, control: &Control<'_>) -> Result<(Arc<Found>, u64), PredictError> {
-        let kept = self.found.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        if let Some(found) = kept.filter(|f| f.draw == draw) {
-            return Ok((found, 0));
-        }
-        let (found, paths) = self.measure(draw, control)?;
-        let found = Arc::new(found);
-        *self.found.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&found));
-        Ok((found, paths))
-    }
-
     fn measure(&self, draw: Draw, control: &Control<'_>) -> Result<(Found, u64), PredictError> {
-        let channels = self.object.channels();
+        let channels = self.pair.object.channels();
         let pass = draw.pass.number();
         let domain = ANCHOR.pass(pass);
         let most = u64::MAX / u64::from(self.settings.one_in);
-        let anchors: Vec<u32> = (0..self.object.surface().len() as u32)
+        let anchors: Vec<u32> = (0..self.pair.object.surface().len() as u32)
             .filter(|&p| random::hash(draw.seed, domain, u64::from(p), 0) <= most)
             .collect();
         let mut fast = vec![0.0; anchors.len() * channels];
-        let fast_seen = self.fast.predict(&anchors, draw, &mut fast, &control.silent())?;
+        let fast_seen = self.pair.fast.predict(&anchors, draw, &mut fast, &control.silent())?;
         let mut truth = vec![0.0; fast.len()];
-        let paths = self.unbiased.predict(&anchors, draw, &mut truth, control)?.paths + fast_seen.paths;
+        let paths = self.pair.unbiased.predict(&anchors, draw, &mut truth, control)?.paths + fast_seen.paths;
 
         let mut new = Moments::new(channels);
         for (fast, truth) in fast.chunks_exact(channels).zip(truth.chunks_exact(channels)) {
@@ -109,34 +82,35 @@ impl BoundCorrected {
                 .zip(truth)
                 .zip(&common)
                 .map(|((fast, truth), common)| f64::from(truth - fast) - evaluate(common, *fast));
-            new.field.add(position(&self.object, p), self.settings.radius_mm, rest);
+            new.field.add(position(&self.pair.object, p), self.settings.radius_mm, rest);
         }
         all.field.absorb(self.settings.memory, &new.field);
         let local = all.field.smoothed(channels, control)?;
         let learned = self.owner.write(vec![pass], &new);
         let fast_outside = fast_seen.outside_training;
-        Ok((Found { draw, anchors, fast, fast_outside, common, local, learned }, paths))
+        Ok((Found { anchors, fast, fast_outside, common, local, learned }, paths))
     }
 
     /// The fast predictor's values; those at the anchors are at hand where every point is asked for.
     fn fast_values(
         &self,
         points: &[u32],
+        draw: Draw,
         found: &Found,
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<Diagnostics, PredictError> {
-        let all = points.len() == self.object.surface().len()
+        let all = points.len() == self.pair.object.surface().len()
             && points.iter().enumerate().all(|(i, &p)| i == p as usize);
         if !all {
-            return self.fast.predict(points, found.draw, out, control);
+            return self.pair.fast.predict(points, draw, out, control);
         }
-        let channels = self.object.channels();
+        let channels = self.pair.object.channels();
         let mut anchors = found.anchors.iter().peekable();
         let others: Vec<u32> =
             points.iter().copied().filter(|p| anchors.next_if(|a| *a == p).is_none()).collect();
         let mut values = vec![0.0; others.len() * channels];
-        let mut seen = self.fast.predict(&others, found.draw, &mut values, control)?;
+        let mut seen = self.pair.fast.predict(&others, draw, &mut values, control)?;
         seen.outside_training += found.fast_outside;
         for (points, values) in [(&found.anchors, &found.fast), (&others, &values)] {
             for (&p, values) in points.iter().zip(values.chunks_exact(channels)) {
@@ -160,14 +134,8 @@ impl BoundPredictor for BoundCorrected {
         changed: Changed<'_>,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
-        // After a failure neither may trust what is said to have changed.
-        let changed = if std::mem::take(&mut self.current) { changed } else { Changed::Unknown };
-        self.forget_found();
-        self.object.check_labels(labels)?;
-        self.fast.update(labels, changed, control)?;
-        self.unbiased.update(labels, changed, control)?;
-        self.current = true;
-        Ok(())
+        self.found.forget();
+        self.pair.update(labels, changed, control)
     }
 
     fn predict(
@@ -177,15 +145,17 @@ impl BoundPredictor for BoundCorrected {
         out: &mut [f32],
         control: &Control<'_>,
     ) -> Result<Diagnostics, PredictError> {
-        if !self.current {
-            return Err(PredictError::before_update());
-        }
-        self.object.check_points(points, out.len())?;
-        control.check()?;
-        let (found, paths) = self.find(draw, &reporting(control, &|d, t| control.report(d, 2 * t)))?;
-        let seen =
-            self.fast_values(points, &found, out, &reporting(control, &|d, t| control.report(t + d, 2 * t)))?;
-        let (object, radius) = (&*self.object, self.settings.radius_mm);
+        self.pair.check(points, out.len(), control)?;
+        let first = |d, t| control.report(d, 2 * t);
+        let (found, paths) = self.found.of(draw, || self.measure(draw, &reporting(control, &first)))?;
+        let seen = self.fast_values(
+            points,
+            draw,
+            &found,
+            out,
+            &reporting(control, &|d, t| control.report(t + d, 2 * t)),
+        )?;
+        let (object, radius) = (&*self.pair.object, self.settings.radius_mm);
         let channels = object.channels();
         let chunks = out.par_chunks_mut(CHUNK * channels).zip(points.par_chunks(CHUNK));
         chunks.try_for_each(|(out, points)| {
@@ -227,10 +197,7 @@ impl BoundPredictor for BoundCorrected {
         out: &mut dyn MaterialGradient,
         control: &Control<'_>,
     ) -> Result<(), PredictError> {
-        if !self.current {
-            return Err(PredictError::before_update());
-        }
-        self.fast.pullback_in(team, points, draw, d_radiance, out, control)
+        self.pair.pullback_in(team, points, draw, d_radiance, out, control)
     }
 
     fn absorb(&mut self, learned: &Learned) -> Result<(), PredictError> {
@@ -238,22 +205,15 @@ impl BoundPredictor for BoundCorrected {
             return Ok(());
         }
         let moments = self.owner.read(learned)?;
-        let known = learned.passes.iter().filter(|p| self.passes.binary_search(p).is_ok()).count();
-        if known == learned.passes.len() {
+        if !are_new(&learned.passes, &self.passes)? {
             return Ok(());
-        }
-        if known > 0 {
-            return Err(PredictError::invalid(
-                "learned values",
-                "some of their passes were absorbed already and some were not",
-            ));
         }
         // Every pass that is new fades what was there.
         let passes = i32::try_from(learned.passes.len()).unwrap_or(i32::MAX);
         self.memory.absorb(self.settings.memory.powi(passes), &moments);
         self.passes.extend(&learned.passes);
         self.passes.sort_unstable();
-        self.forget_found();
+        self.found.forget();
         Ok(())
     }
 
@@ -263,9 +223,4 @@ impl BoundPredictor for BoundCorrected {
         }
         self.owner.write(self.passes.clone(), &self.memory)
     }
-}
-
-/// A control that stops with `control` and reports elsewhere.
-fn reporting<'a>(control: &Control<'a>, report: &'a (dyn Fn(u64, u64) + Sync + 'a)) -> Control<'a> {
-    control.silent().with_progress(report)
 }

@@ -9,6 +9,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use crate::pair::{self, Pair};
 use crate::{BoundPredictor, Capabilities, Identity, Object, PredictError, Predictor};
 
 /// How an error is measured.
@@ -95,21 +96,10 @@ impl<F: Predictor, U: Predictor> Corrected<F, U> {
 impl<F: Predictor, U: Predictor> Predictor for Corrected<F, U> {
     /// The names of both, `rpnn+mc`; their settings follow their names, as in `mc.spp`.
     fn identity(&self) -> Identity {
-        let (fast, unbiased) = (self.fast.identity(), self.unbiased.identity());
-        // Where one of them depends on its instructions, so do the values.
-        let set = if fast.exact { unbiased.instruction_set } else { fast.instruction_set };
-        let name = format!("{}+{}", fast.name, unbiased.name);
-        let mut identity = Identity::new(name, set, fast.exact && unbiased.exact)
+        pair::identity(&self.fast, '+', &self.unbiased)
             .with("one_in", self.settings.one_in)
             .with("radius_mm", self.settings.radius_mm)
-            .with("memory", self.settings.memory);
-        for part in [&fast, &unbiased] {
-            for (setting, value) in &part.settings {
-                identity = identity.with(format!("{}.{setting}", part.name), value);
-            }
-        }
-        identity.weights = fast.weights.or(unbiased.weights);
-        identity
+            .with("memory", self.settings.memory)
     }
 
     fn supports(&self, object: &Object) -> Result<Capabilities, PredictError> {
@@ -121,9 +111,7 @@ impl<F: Predictor, U: Predictor> Predictor for Corrected<F, U> {
     }
 
     fn bind(&self, object: Arc<Object>) -> Result<Box<dyn BoundPredictor>, PredictError> {
-        let fast = self.fast.bind(Arc::clone(&object))?;
-        let unbiased = self.unbiased.bind(Arc::clone(&object))?;
-        let name = self.identity().name;
-        Ok(Box::new(bound::BoundCorrected::new(fast, unbiased, self.settings, name, object)))
+        let pair = Pair::new(object, &self.fast, &self.unbiased)?;
+        Ok(Box::new(bound::BoundCorrected::new(pair, self.settings, self.identity().name)))
     }
 }

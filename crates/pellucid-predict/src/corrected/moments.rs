@@ -2,6 +2,7 @@
 
 use super::field::Field;
 use super::quadratic::{Quadratic, SUMS};
+use crate::pair::{check_learned, halves, not_learned};
 use crate::{Learned, ObjectId, PredictError};
 
 /// Sums over the points at which an error was measured.
@@ -53,31 +54,27 @@ impl Owner {
 
     /// Moments from what [`Owner::write`] made.
     pub(super) fn read(&self, learned: &Learned) -> Result<Moments, PredictError> {
-        let wrong = |reason: String| PredictError::invalid("learned values", reason);
-        if learned.predictor != self.predictor {
-            return Err(wrong(format!("of {}; this predictor is {}", learned.predictor, self.predictor)));
-        }
-        if learned.passes.is_empty() || !learned.passes.is_sorted_by(|a, b| a < b) {
-            return Err(wrong("without passes, or passes that do not ascend".into()));
-        }
+        check_learned(learned, &self.predictor)?;
         let header = self.header();
         if learned.values.get(..header.len()) != Some(&header[..]) {
-            return Err(wrong("of another object, or of other channels or another radius".into()));
+            return Err(not_learned("of another object, or of other channels or another radius"));
         }
         if learned.values.iter().any(|v| !v.is_finite()) {
-            return Err(wrong("that are not finite".into()));
+            return Err(not_learned("that are not finite"));
         }
         let rest = &learned.values[header.len()..];
         let (sums, cells) = rest
             .split_at_checked(self.channels * SUMS)
             .filter(|(_, cells)| cells.len().is_multiple_of(4 + self.channels))
-            .ok_or_else(|| wrong(format!("{} in number; the file is cut short", learned.values.len())))?;
+            .ok_or_else(|| {
+                not_learned(format!("{} in number; the file is cut short", learned.values.len()))
+            })?;
         let mut moments = Moments::new(0);
         moments.quadratics = sums.as_chunks::<SUMS>().0.iter().map(Quadratic::from_sums).collect();
         for cell in cells.chunks_exact(4 + self.channels) {
             let (at, rest) = (&cell[..3], &cell[3..]);
             if at.iter().any(|v| v.fract() != 0.0 || v.abs() > MAX_CELL) || rest[0] < 0.0 {
-                return Err(wrong(format!("with a cell {at:?} of weight {}", rest[0])));
+                return Err(not_learned(format!("with a cell {at:?} of weight {}", rest[0])));
             }
             let at = std::array::from_fn(|a| at[a] as i32);
             moments.field.cells.insert(at, (rest[0], rest[1..].to_vec()));
@@ -86,7 +83,7 @@ impl Owner {
     }
 
     fn header(&self) -> [f64; 4] {
-        let ObjectId(id) = self.object;
-        [(id >> 32) as f64, (id & 0xffff_ffff) as f64, self.channels as f64, self.radius_mm]
+        let [high, low] = halves(self.object);
+        [high, low, self.channels as f64, self.radius_mm]
     }
 }
