@@ -221,15 +221,24 @@ fn refusals_come_before_work_with_their_cause_once() {
         ("cuda", "cuda", cfg!(feature = "cuda")),
         ("metal", "metal", cfg!(feature = "metal")),
     ] {
-        for predictor in ["rpnn", "auto"].into_iter().filter(|_| !built) {
-            let refused =
-                run(&quick("missing.glb", text(&out), &["--predictor", predictor, "--device", device]));
+        let takes_one = [
+            ["--predictor", "rpnn", "--strategy", "descent"],
+            ["--predictor", "auto", "--strategy", "surface-first"],
+        ];
+        for named in takes_one.into_iter().filter(|_| !built) {
+            let named = [&named[..], &["--device", device]].concat();
+            let refused = run(&quick("missing.glb", text(&out), &named));
             assert_eq!(refused.status.code(), Some(1));
             let message = stderr(&refused);
             assert!(message.contains(&format!("feature {feature:?}")), "{message}");
         }
-        let refused = run(&quick("missing.glb", text(&out), &["--device", device]));
-        assert!(stderr(&refused).contains("--predictor rpnn"), "{}", stderr(&refused));
+    }
+    // By paths, which `auto` takes for descent.
+    for named in [&[][..], &["--predictor", "auto"]] {
+        for network in [["--device", "cpu"], ["--weights", text(&junk)]] {
+            let refused = run(&quick("missing.glb", text(&out), &[named, &network].concat()));
+            assert!(stderr(&refused).contains("add --predictor rpnn"), "{}", stderr(&refused));
+        }
     }
     // No refusal leaves a folder.
     assert!(!folder.path().join("deep").exists());
