@@ -11,33 +11,28 @@ mod runs;
 mod scene;
 mod verdict;
 
-use std::path::PathBuf;
-
 use clap::Parser;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
-use pellucid_benches::study::{Kept, Record, Study, StudySettings};
+use pellucid_benches::study::{Record, ResumableSettings, Study};
 use scene::Scene;
 
 /// The heuristic against differentiable rendering
 #[derive(Parser)]
 struct Args {
     #[command(flatten)]
-    study: StudySettings,
-    /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
-    #[arg(long, value_name = "DIR")]
-    state: Option<PathBuf>,
+    settings: ResumableSettings,
 }
 
 fn main() -> Result<(), Error> {
     let args = Args::parse();
-    let full = args.study.full;
-    let kept = Kept::new("differentiable", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
+    let full = args.settings.study.full;
+    let kept = args.settings.kept("differentiable", env!("CARGO_TARGET_TMPDIR"))?;
     let scene = Scene::new(full)?;
     let mut record = Record::now("differentiable", rayon::current_num_threads());
     record.add("slab", scene.describe());
     record.add("models", "the defaults of the library; surface-first with the paper's 24 iterations");
-    let study = Study::new("differentiable", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let study = Study::new("differentiable", env!("CARGO_TARGET_TMPDIR"), &args.settings.study, record)?;
     let runs = runs::all(&scene, &kept)?;
     let model_runs = models::all(full, &kept)?;
     let control = Control::none();

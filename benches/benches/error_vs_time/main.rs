@@ -8,13 +8,11 @@ mod predictors;
 mod report;
 mod table_one;
 
-use std::path::PathBuf;
-
 use clap::Parser;
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
 use pellucid_benches::study::stopwatch::on_one_thread;
-use pellucid_benches::study::{Kept, Record, Study, StudySettings};
+use pellucid_benches::study::{Record, ResumableSettings, Study};
 use predictors::Row;
 use table_one::Line;
 
@@ -22,10 +20,7 @@ use table_one::Line;
 #[derive(Parser)]
 struct Args {
     #[command(flatten)]
-    study: StudySettings,
-    /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
-    #[arg(long, value_name = "DIR")]
-    state: Option<PathBuf>,
+    settings: ResumableSettings,
     /// Only objects whose name holds this, such as "sheet"
     #[arg(long, value_name = "TEXT", default_value = "")]
     only: String,
@@ -38,12 +33,12 @@ fn main() -> Result<(), Error> {
 
 fn study(args: &Args) -> Result<(), Error> {
     let control = Control::none();
-    let full = args.study.full;
-    let kept = Kept::new("error_vs_time", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
+    let full = args.settings.study.full;
+    let kept = args.settings.kept("error_vs_time", env!("CARGO_TARGET_TMPDIR"))?;
     let mut record = Record::now("error_vs_time", 1);
     record.add("weights", pellucid::rpnn::shipped()?.weights.digest());
     record.add("matrix products", "factors rounded to bfloat16, sums in f32");
-    let study = Study::new("error_vs_time", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let study = Study::new("error_vs_time", env!("CARGO_TARGET_TMPDIR"), &args.settings.study, record)?;
     let mut rows: Vec<Row> = Vec::new();
     for subject in objects::all(full).into_iter().filter(|s| s.name.contains(&args.only)) {
         rows.extend(kept.or(&subject.name, || {

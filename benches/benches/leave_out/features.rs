@@ -28,9 +28,9 @@ pub fn savings(full: bool) -> Result<Vec<Saving>, Error> {
     let mut savings = Vec::new();
     for (need, features) in NEEDS {
         let row = |unit, without, with| Saving {
-            what: "features of the facade that a tool does not need",
+            what: "features of the facade that a tool does not need".into(),
             object: need.to_owned(),
-            unit,
+            unit: String::from(unit),
             without,
             with,
             changes: "what is offered".into(),
@@ -40,7 +40,53 @@ pub fn savings(full: bool) -> Result<Vec<Saving>, Error> {
             savings.push(row("s to check from nothing, on the clock", all, build_seconds(features)?));
         }
     }
+    if full {
+        savings.extend(programs()?);
+    }
     Ok(savings)
+}
+
+/// The command with everything that any machine can build, beside less.
+fn programs() -> Result<Vec<Saving>, Error> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("leave-out-program");
+    let sizes =
+        ["--features=candle", "--features=", "--no-default-features"].map(|features| -> Result<f64, Error> {
+            let status = cargo()
+                .args([
+                    "build",
+                    "--locked",
+                    "--offline",
+                    "--quiet",
+                    "--release",
+                    "-p",
+                    "pellucid-cli",
+                    features,
+                ])
+                .envs([("CARGO_PROFILE_RELEASE_STRIP", "true"), ("CARGO_PROFILE_RELEASE_DEBUG", "none")])
+                .env("CARGO_TARGET_DIR", &folder)
+                .status()?;
+            let program = folder.join("release").join(format!("pellucid{}", std::env::consts::EXE_SUFFIX));
+            match status.success() {
+                true => Ok(std::fs::metadata(program)?.len() as f64 / f64::from(1 << 20)),
+                false => Err("cargo build failed".into()),
+            }
+        });
+    let [all, usual, least] = sizes;
+    let all = all?;
+    let row = |object: &str, with| Saving {
+        what: "features of the command".into(),
+        object: object.to_owned(),
+        unit: "MiB of the program, stripped".into(),
+        without: all,
+        with,
+        changes: "what is offered".into(),
+    };
+    let rows = vec![
+        row("default: without candle", usual?),
+        row("none: slices as PNGs, no proof as a page or a model", least?),
+    ];
+    std::fs::remove_dir_all(folder)?;
+    Ok(rows)
 }
 
 fn cargo() -> Command {

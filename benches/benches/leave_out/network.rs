@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pellucid::predict::{
-    BoundPredictor, Changed, Draw, MonteCarlo, Network, Object, Pass, Predictor, predict_all,
+    BoundPredictor, Changed, Draw, MonteCarlo, Network, Object, Pass, Predictor, Sharing, predict_all,
 };
 use pellucid::voxel::Control;
 use pellucid_benches::appearance::Error;
@@ -20,6 +20,7 @@ pub fn savings(scene: &Scene, control: &Control<'_>) -> Result<Vec<Saving>, Erro
     let network = Network::shipped()?;
     Ok(vec![
         shared(scene, &network, control)?,
+        coarse_levels(scene, &network, control)?,
         unchanged(scene, &network, control)?,
         repeated(scene, &network, "channels that repeat, the network", control)?,
         repeated(scene, &MonteCarlo::new(4)?, "channels that repeat, paths", control)?,
@@ -48,11 +49,33 @@ fn shared(scene: &Scene, network: &Network, control: &Control<'_>) -> Result<Sav
     let own = some.iter().flat_map(|&p| &all[p as usize * channels..][..channels]);
     let squares: f64 = own.zip(&each).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     Ok(Saving {
-        what: "the network at points whose neighbours know",
+        what: "the network at points whose neighbours know".into(),
         object: scene.name(),
-        unit: "us a point and channel",
+        unit: "us a point and channel".into(),
         without: 1e6 * without / each.len() as f64,
         with: 1e6 * with / all.len() as f64,
+        changes: format!("radiance by {:.4} (root mean square)", (squares / each.len() as f64).sqrt()),
+    })
+}
+
+/// Coarse levels read for points farther apart, with the network run for as few points either way.
+fn coarse_levels(scene: &Scene, network: &Network, control: &Control<'_>) -> Result<Saving, Error> {
+    let mut results = Vec::new();
+    for sharing in [Sharing { fine_levels: 9, ..Sharing::default() }, Sharing::default()] {
+        let mut bound = bound(&scene.object, &network.clone().with_sharing(Some(sharing))?)?;
+        bound.update(&scene.labels, Changed::Unknown, control)?;
+        let start = seconds();
+        let (all, _) = predict_all(&*bound, &scene.object, DRAW, control)?;
+        results.push((seconds() - start, all));
+    }
+    let (each, all) = (&results[0].1, &results[1].1);
+    let squares: f64 = each.iter().zip(all).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    Ok(Saving {
+        what: "coarse levels of the network at points whose neighbours have read them".into(),
+        object: scene.name(),
+        unit: "s a prediction".into(),
+        without: results[0].0,
+        with: results[1].0,
         changes: format!("radiance by {:.4} (root mean square)", (squares / each.len() as f64).sqrt()),
     })
 }
@@ -70,9 +93,9 @@ fn unchanged(scene: &Scene, network: &Network, control: &Control<'_>) -> Result<
         results.push((seconds() - start, all));
     }
     Ok(Saving {
-        what: "the network at points that see no changed tile",
+        what: "the network at points that see no changed tile".into(),
         object: format!("{}, every hundredth mixed tile changed", scene.name()),
-        unit: "s a prediction",
+        unit: "s a prediction".into(),
         without: results[0].0,
         with: results[1].0,
         changes: greatest(&results[0].1, &results[1].1),
@@ -83,7 +106,7 @@ fn unchanged(scene: &Scene, network: &Network, control: &Control<'_>) -> Result<
 fn repeated(
     scene: &Scene,
     predictor: &dyn Predictor,
-    what: &'static str,
+    what: &str,
     control: &Control<'_>,
 ) -> Result<Saving, Error> {
     let mut results = Vec::new();
@@ -99,9 +122,9 @@ fn repeated(
     }
     let thrice: Vec<f32> = results[0].1.iter().flat_map(|&l| [l; 3]).collect();
     Ok(Saving {
-        what,
+        what: what.to_owned(),
         object: format!("{}, inks of three equal channels", scene.name()),
-        unit: "s a prediction",
+        unit: "s a prediction".into(),
         without: 3.0 * results[0].0,
         with: results[1].0,
         changes: greatest(&thrice, &results[1].1),

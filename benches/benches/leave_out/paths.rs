@@ -85,9 +85,9 @@ impl Traced<'_> {
         let (without, by_voxels) = mean(Tracking::Regular)?;
         let (with, by_majorant) = mean(Tracking::Auto)?;
         Ok(Saving {
-            what: "faces between voxels that a path crosses (delta tracking)",
+            what: "faces between voxels that a path crosses (delta tracking)".into(),
             object: self.scene.name(),
-            unit: "us a path",
+            unit: "us a path".into(),
             without: self.each(without),
             with: self.each(with),
             changes: format!("nothing but noise (mean radiance by {:+.1e})", by_majorant - by_voxels),
@@ -108,9 +108,9 @@ impl Traced<'_> {
         let (_, flat_spent) = time(|| flat.radiance_with_error(some, 1, &mut out, &mut errors, control))?;
         let flat_square = errors.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>() / errors.len() as f64;
         Ok(Saving {
-            what: "paths of points whose radiance is known well enough",
+            what: "paths of points whose radiance is known well enough".into(),
             object: self.scene.name(),
-            unit: "ms to a root mean square error of 0.01",
+            unit: "ms to a root mean square error of 0.01".into(),
             without: 1e3 * flat_spent * flat_square / 0.01f64.powi(2),
             with: 1e3 * spent * mean_square / 0.01f64.powi(2),
             changes: format!("nothing but noise; {:.0} paths a value", paths as f64 / out.len() as f64),
@@ -128,9 +128,9 @@ impl Traced<'_> {
         let (with_zeros, spent) = self.pullback(self.points, &weights, None, 2.0, control)?;
         let (alone, _) = self.pullback(&self.points[..half], &few, None, 4.0, control)?;
         Ok(Saving {
-            what: "paths of points whose derivative has no weight",
+            what: "paths of points whose derivative has no weight".into(),
             object: self.scene.name(),
-            unit: "us a point and channel of all, half of them without weight",
+            unit: "us a point and channel of all, half of them without weight".into(),
             without: 1e6 * all / (self.points.len() * 3) as f64,
             with: 1e6 * spent / (self.points.len() * 3) as f64,
             changes: match with_zeros == alone {
@@ -146,9 +146,9 @@ impl Traced<'_> {
         let (all, without) = self.pullback(self.points, &weights, None, 4.0, control)?;
         let (near, with) = self.pullback(self.points, &weights, Some(COLORED_MM), 4.0, control)?;
         Ok(Saving {
-            what: "voxels deeper than materials are arranged",
+            what: "voxels deeper than materials are arranged".into(),
             object: self.scene.name(),
-            unit: "us a point and channel, derivative",
+            unit: "us a point and channel, derivative".into(),
             without: 1e6 * without / weights.len() as f64,
             with: 1e6 * with / weights.len() as f64,
             changes: match all == near {

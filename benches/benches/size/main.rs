@@ -15,16 +15,13 @@ use job::{Cost, Measured, Task, TooLarge, Way};
 use pellucid::core::Bytes;
 use pellucid::core::memory::free_bytes;
 use pellucid_benches::appearance::Error;
-use pellucid_benches::study::{Kept, Record, Study, StudySettings};
+use pellucid_benches::study::{Record, ResumableSettings, Study};
 
 /// Cost by size
 #[derive(Parser)]
 struct Args {
     #[command(flatten)]
-    study: StudySettings,
-    /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
-    #[arg(long, value_name = "DIR")]
-    state: Option<PathBuf>,
+    settings: ResumableSettings,
     /// Further models and the heights in mm that they are printed at
     #[arg(long, value_name = "FILE=MM,…", value_parser = further)]
     also: Vec<(PathBuf, Vec<f64>)>,
@@ -61,10 +58,10 @@ fn further(text: &str) -> Result<(PathBuf, Vec<f64>), String> {
 }
 
 fn study(args: &Args) -> Result<(), Error> {
-    let full = args.study.full;
+    let full = args.settings.study.full;
     let mut record = Record::now("size", rayon::current_num_threads());
     record.add("effort", job::EFFORT);
-    let kept = Kept::new("size", args.state.as_deref(), env!("CARGO_TARGET_TMPDIR"), full)?;
+    let kept = args.settings.kept("size", env!("CARGO_TARGET_TMPDIR"))?;
     let vase = concat!(env!("CARGO_MANIFEST_DIR"), "/../datasets/models/vase-hollow.glb");
     let (heights, section_mm) = if full { (vec![10.0, 20.0], 10.0) } else { (vec![6.0, 12.0], 6.0) };
     let limit = args.memory.or(free_bytes().map(Bytes)).unwrap_or(Bytes(u64::MAX));
@@ -85,7 +82,7 @@ fn study(args: &Args) -> Result<(), Error> {
     }
     // By way, then by height.
     measured.sort_by_key(|m| (m.cost.model.clone(), m.cost.way.name()));
-    let study = Study::new("size", env!("CARGO_TARGET_TMPDIR"), &args.study, record)?;
+    let study = Study::new("size", env!("CARGO_TARGET_TMPDIR"), &args.settings.study, record)?;
     let table = report::table(&measured);
     println!("{}", table.markdown());
     study.write(

@@ -25,7 +25,7 @@ use pellucid_core::{FileError, files};
 pub use kept::Kept;
 pub use plot::{Axis, Panel, Plot, Series};
 pub use record::Record;
-pub use settings::StudySettings;
+pub use settings::{ResumableSettings, StudySettings};
 pub use table::Table;
 
 /// Where a study writes, and what it says of itself.

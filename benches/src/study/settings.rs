@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use super::Kept;
+use crate::appearance::Error;
+
 /// Arguments that every study takes; flatten them into its own.
 #[derive(Clone, Debug, clap::Args)]
 pub struct StudySettings {
@@ -14,6 +17,27 @@ pub struct StudySettings {
     /// What cargo passes to every benchmark
     #[arg(long, hide = true)]
     bench: bool,
+}
+
+/// Arguments of a study that goes on where it was cut off.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ResumableSettings {
+    /// Those of every study.
+    #[command(flatten)]
+    pub study: StudySettings,
+    /// Folder for what is measured, from which a study goes on when it was cut off; in the build folder without it
+    #[arg(long, value_name = "DIR")]
+    pub state: Option<PathBuf>,
+}
+
+impl ResumableSettings {
+    /// What earlier runs of the study `name` measured, by default in the folder `scratch`.
+    ///
+    /// # Errors
+    /// As [`Kept::new`].
+    pub fn kept(&self, name: &str, scratch: &str) -> Result<Kept, Error> {
+        Kept::new(name, self.state.as_deref(), scratch, self.study.full)
+    }
 }
 
 #[cfg(test)]
