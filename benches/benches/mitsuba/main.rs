@@ -1,0 +1,216 @@
+//! Paths in halftoned prints, ours beside Mitsuba 3's: what one takes, how far it lies from the mean, and what an error takes.
+//!
+//! `cargo bench -p pellucid-benches --bench mitsuba`: one sheet; `-- --full` for `docs/results/mitsuba`. Mitsuba is
+//! measured where `--python` has it (`pip install mitsuba`), by `benches/peers/mitsuba_prints.py`.
+
+mod peer;
+mod scene;
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use pellucid::predict::{Changed, Draw, Network, Pass, Predictor, predict_all};
+use pellucid::trace::{Boundary, InstructionSet, TraceOptions, Tracer, Volume};
+use pellucid::voxel::Control;
+use pellucid_benches::appearance::Error;
+use pellucid_benches::study::stopwatch::{on_one_thread, seconds};
+use pellucid_benches::study::{Axis, Panel, Plot, Record, ResumableSettings, Series, Study, Table};
+use scene::Scene;
+use serde::{Deserialize, Serialize};
+
+/// Paths in halftoned prints, ours beside Mitsuba 3's
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    settings: ResumableSettings,
+    /// Python that has Mitsuba
+    #[arg(long, value_name = "FILE", default_value = "python3")]
+    python: PathBuf,
+}
+
+/// Our paths a point and channel.
+const SPP: u32 = 256;
+/// The error in linear radiance that times are stated for.
+const WANTED: f64 = 0.02;
+
+/// What paths of a tracer came to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    object: String,
+    points: usize,
+    tracer: String,
+    /// Processor seconds of a path.
+    seconds: f64,
+    /// Mean radiance of the points that paths were traced from, all channels, and its standard error.
+    radiance: [f64; 2],
+    /// Root mean square distance of a path's weight from its point's mean.
+    spread: f64,
+}
+
+impl Row {
+    /// Seconds of a prediction of all points and channels that errs by [`WANTED`].
+    fn prediction(&self) -> f64 {
+        self.seconds * (self.spread / WANTED).powi(2) * self.points as f64 * scene::CHANNELS as f64
+    }
+}
+
+/// What the network takes for all points.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Predicted {
+    object: String,
+    seconds: f64,
+}
+
+fn main() -> Result<(), Error> {
+    let args = Args::parse();
+    on_one_thread(|| study(&args))
+}
+
+fn study(args: &Args) -> Result<(), Error> {
+    let scratch = env!("CARGO_TARGET_TMPDIR");
+    let mut record = Record::now("mitsuba", 1);
+    record.add("paths", format!("{SPP} a point and channel of ours, {} of Mitsuba's", peer::PATHS));
+    record.add("boundary", "index-matched; Mitsuba without Russian roulette and sampling of emitters");
+    let study = Study::new("mitsuba", scratch, &args.settings.study, record)?;
+    let kept = args.settings.kept("mitsuba", scratch)?;
+    let control = Control::none();
+    let mitsuba = peer::is_there(&args.python);
+    if !mitsuba {
+        println!("not measured: Mitsuba (pip install mitsuba, or name a Python that has it)");
+    }
+    let (mut rows, mut networks) = (Vec::new(), Vec::new());
+    for subject in scene::all(args.settings.study.full) {
+        let scene = Scene::new(&subject, &control)?;
+        let name = scene.name.clone();
+        rows.extend(kept.or(&name, || own(&scene, &control))?);
+        networks.push(kept.or(&format!("{name}, network"), || network(&scene, &control))?);
+        for variant in peer::VARIANTS.into_iter().filter(|_| mitsuba) {
+            let measure = || by_peer(&args.python, &scene, variant);
+            rows.push(kept.or(&format!("{name}, {variant}"), measure)?);
+        }
+    }
+    study.write("Beside Mitsuba", &markdown(&rows, &networks), &table(&rows), &plot(&rows))?;
+    Ok(())
+}
+
+/// Our tracer's rows, by instruction set.
+fn own(scene: &Scene, control: &Control<'_>) -> Result<Vec<Row>, Error> {
+    let volume = Volume::new(&scene.labels, scene.object.surface(), control)?;
+    let mut rows = Vec::new();
+    for set in InstructionSet::available() {
+        let base = TraceOptions { boundary: Boundary::Matched, ..TraceOptions::default() };
+        let options = TraceOptions { spp: SPP, instruction_set: Some(set), ..base };
+        let tracer = Tracer::new(&volume, scene.object.materials(), options)?;
+        if tracer.instruction_set() != set {
+            continue;
+        }
+        let mut radiance = vec![0.0; scene.chosen.len() * scene::CHANNELS];
+        let mut errors = radiance.clone();
+        let start = seconds();
+        tracer.radiance_with_error(&scene.chosen, 0, &mut radiance, &mut errors, control)?;
+        let spent = seconds() - start;
+        let values = radiance.len() as f64;
+        let square = errors.iter().map(|e| f64::from(*e).powi(2)).sum::<f64>() / values;
+        rows.push(Row {
+            object: scene.name.clone(),
+            points: scene.object.surface().len(),
+            tracer: format!("paths, {set}"),
+            seconds: spent / values / f64::from(SPP),
+            radiance: [
+                radiance.iter().map(|l| f64::from(*l)).sum::<f64>() / values,
+                (square / values).sqrt(),
+            ],
+            spread: (square * f64::from(SPP)).sqrt(),
+        });
+    }
+    Ok(rows)
+}
+
+/// The network's time, with what else a prediction of new labels takes.
+fn network(scene: &Scene, control: &Control<'_>) -> Result<Predicted, Error> {
+    let mut bound = Network::shipped()?.bind(scene.printed()?)?;
+    let start = seconds();
+    bound.update(&scene.labels, Changed::Unknown, control)?;
+    predict_all(&*bound, &scene.object, Draw::new(0, Pass::Loop(0)), control)?;
+    Ok(Predicted { object: scene.name.clone(), seconds: seconds() - start })
+}
+
+/// Mitsuba's row.
+fn by_peer(python: &Path, scene: &Scene, variant: &str) -> Result<Row, Error> {
+    let found = peer::measure(python, scene, variant)?;
+    Ok(Row {
+        object: scene.name.clone(),
+        points: scene.object.surface().len(),
+        tracer: format!("Mitsuba {}, {variant}", found.version),
+        seconds: found.seconds,
+        radiance: found.radiance,
+        spread: found.spread,
+    })
+}
+
+fn table(rows: &[Row]) -> Table {
+    let mut table = Table::new(&[
+        "object",
+        ">surface points",
+        "tracer",
+        ">us a path",
+        ">spread of a path",
+        ">s a prediction, RMSE 0.02",
+        ">times Mitsuba's scalar rate",
+        ">mean radiance",
+        ">std error",
+    ]);
+    for row in rows {
+        let scalar = rows.iter().find(|r| r.object == row.object && r.tracer.ends_with("scalar_rgb"));
+        table.row([
+            row.object.clone(),
+            row.points.to_string(),
+            row.tracer.clone(),
+            format!("{:.2}", 1e6 * row.seconds),
+            format!("{:.3}", row.spread),
+            format!("{:.0}", row.prediction()),
+            scalar.map_or(String::new(), |s| format!("{:.1}", s.prediction() / row.prediction())),
+            format!("{:.4}", row.radiance[0]),
+            format!("{:.4}", row.radiance[1]),
+        ]);
+    }
+    table
+}
+
+fn markdown(rows: &[Row], networks: &[Predicted]) -> String {
+    let mut network = Table::new(&["object", ">network, s a prediction"]);
+    for n in networks {
+        network.row([n.object.clone(), format!("{:.1}", n.seconds)]);
+    }
+    format!(
+        "Prints before refinement, their surface without internal reflection, so that both trace the same. Times are of \
+         one thread; \"s a prediction\" is of all surface points and three channels, by as many paths as make the root mean \
+         square error {WANTED}; rates are compared at that error. The means agree on the sheet, whose faces are flat; elsewhere \
+         light that leaves goes on into other parts with Mitsuba, be it a step of voxels, and ends with us.\n\n{}\n\
+         The network, which errs by some such amount (`error_vs_time`), with the reflection that prints have:\n\n{}",
+        table(rows).markdown(),
+        network.markdown()
+    )
+}
+
+/// Seconds a prediction by object.
+fn plot(rows: &[Row]) -> Plot {
+    let mut objects: Vec<&str> = Vec::new();
+    let mut series: Vec<Series> = Vec::new();
+    for row in rows {
+        let at = objects.iter().position(|o| *o == row.object).unwrap_or_else(|| {
+            objects.push(&row.object);
+            objects.len() - 1
+        });
+        let point = [(at + 1) as f64, row.prediction()];
+        match series.iter_mut().find(|s| s.name == row.tracer) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series { name: row.tracer.clone(), points: vec![point] }),
+        }
+    }
+    Plot {
+        x: Axis::around("object of the table", (1..=objects.len()).map(|i| i as f64)),
+        y: Axis::around("s a prediction, RMSE 0.02", rows.iter().map(Row::prediction)),
+        panels: vec![Panel { title: "ours beside Mitsuba".into(), series }],
+    }
+}
