@@ -8,6 +8,8 @@ const LEFT: f64 = 46.0;
 const BELOW: f64 = 24.0;
 const ABOVE: f64 = 22.0;
 const RIGHT: f64 = 10.0;
+/// A letter's width in a font of 10 pixels, a little more than most have.
+const LETTER: f64 = 5.6;
 const LEGEND_LINE: f64 = 16.0;
 /// Colours that people with colour blindness tell apart (Okabe and Ito 2008).
 const COLORS: [&str; 8] =
@@ -69,8 +71,10 @@ impl Plot {
         let rows = self.panels.len().div_ceil(columns);
         let names = self.names();
         let bottom = rows as f64 * PANEL[1];
-        let (width, height) =
-            (columns as f64 * PANEL[0], bottom + LEGEND_LINE * (1 + names.len()) as f64 + 8.0);
+        let axes = format!("{} against {}", self.y.title, self.x.title);
+        let longest = names.iter().map(|n| n.len()).chain([axes.len()]).max().unwrap_or(0);
+        let width = (columns as f64 * PANEL[0]).max(longest as f64 * LETTER + 16.0);
+        let height = bottom + LEGEND_LINE * (1 + names.len()) as f64 + 8.0;
         let mut out = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
              height=\"{height}\" font-family=\"sans-serif\" font-size=\"10\">\n\
@@ -80,7 +84,6 @@ impl Plot {
             let corner = [(i % columns) as f64 * PANEL[0], (i / columns) as f64 * PANEL[1]];
             self.panel(panel, corner, &names, &mut out);
         }
-        let axes = format!("{} against {}", self.y.title, self.x.title);
         let _ = writeln!(out, "<text x=\"8\" y=\"{:.1}\">{}</text>", bottom + 14.0, escape(&axes));
         for (i, name) in names.iter().enumerate() {
             let y = bottom + LEGEND_LINE * (i + 1) as f64 + 14.0;
