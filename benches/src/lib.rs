@@ -6,6 +6,7 @@
 //! | [`dense`] | the dense tables that summed-area tables are compared with |
 //! | [`appearance`] | colour differences, times of stencils, false colours |
 //! | [`solids`] | halftoned solids of the studies |
+//! | [`prints`] | models as prints before refinement |
 //! | [`judged`] | objects with traced reference radiances |
 //! | [`slab`] | slabs of continuous albedo, their tracer, and what refines them |
 //! | [`study`] | settings, records, tables and plots of the studies |
@@ -14,6 +15,7 @@
 pub mod appearance;
 pub mod dense;
 pub mod judged;
+pub mod prints;
 pub mod slab;
 pub mod solids;
 pub mod study;

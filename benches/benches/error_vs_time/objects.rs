@@ -1,12 +1,11 @@
 //! What the predictors are judged on.
 
-use std::path::{Path, PathBuf};
-
 use pellucid::mesh::{ImportLimits, Scale, import_path};
 use pellucid::voxel::{Control, LabelGrid, Surface, SurfaceOptions};
 use pellucid::{Monitor, PrintJob, PrintSettings, Workspace};
 use pellucid_benches::appearance::Error;
 use pellucid_benches::judged::Judged;
+use pellucid_benches::prints::file;
 use pellucid_benches::solids::{ball, sheet};
 
 /// Neighbouring points on which times are taken, and those of them that are judged.
@@ -77,11 +76,6 @@ impl Subject {
         let surface = Surface::extract(&labels, &SurfaceOptions::default(), control)?;
         Judged::traced(&self.name, labels, surface, POINTS, control)
     }
-}
-
-/// The file of a model.
-pub fn file(model: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models").join(format!("{model}.glb"))
 }
 
 /// Labels of a refined print.

@@ -1,17 +1,13 @@
 //! Seconds of one prediction of a whole model: the paper's Table 1 for the counterparts of its objects.
 
-use pellucid::mesh::{ImportLimits, Scale, import_path};
 use pellucid::predict::{
     Changed, Corrected, Correction, Draw, MonteCarlo, Network, Pass, Predictor, predict_all,
 };
-use pellucid::refine::{Refinement, SurfaceFirst};
 use pellucid::voxel::{Control, near_order};
-use pellucid::{Monitor, PrintJob, PrintSettings};
 use pellucid_benches::appearance::Error;
+use pellucid_benches::prints::unrefined;
 use pellucid_benches::study::stopwatch::{seconds, time};
 use serde::{Deserialize, Serialize};
-
-use super::objects::file;
 
 /// Paths a point and channel that the network is compared with, as in the paper.
 const PATHS: u32 = 512;
@@ -43,14 +39,7 @@ pub fn models(full: bool) -> Vec<(&'static str, Option<f64>)> {
 /// Times the predictions of a model's halftone before refinement.
 pub fn measure(model: &str, height_mm: Option<f64>, control: &Control<'_>) -> Result<Line, Error> {
     println!("table one: {model}");
-    let scale = height_mm.map_or(Scale::Native, Scale::HeightMm);
-    let job = PrintJob::new(PrintSettings { scale, ..PrintSettings::default() })?;
-    let monitor = Monitor::silent();
-    let imported = import_path(file(model), &ImportLimits::default())?;
-    let aimed = job.aim(job.place(&imported, &monitor)?, &monitor)?;
-    let settings = job.settings().refine.clone();
-    let labels = Refinement::new(aimed.problem(), SurfaceFirst::default(), settings, control)?
-        .unrefined(&aimed.solid, control)?;
+    let (aimed, labels) = unrefined(model, height_mm, control)?;
     let object = &aimed.object;
     let whole = |predictor: &dyn Predictor| -> Result<f64, Error> {
         let mut bound = predictor.bind(object.clone())?;

@@ -1,11 +1,7 @@
 //! The counterparts of the paper's objects: unrefined prints, predicted once.
 
-use std::path::{Path, PathBuf};
-
-use pellucid::mesh::{ImportLimits, Scale, import_path};
-use pellucid::refine::{Refinement, SurfaceFirst};
 use pellucid::voxel::Control;
-use pellucid::{Monitor, PrintJob, PrintSettings};
+use pellucid_benches::prints::unrefined;
 
 use super::Error;
 use super::finished::Finished;
@@ -30,21 +26,10 @@ pub fn chosen(full: bool) -> Vec<(&'static str, Option<f64>)> {
     }
 }
 
-fn file(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models").join(format!("{name}.glb"))
-}
-
 /// A model as `prepare` halftones it before the first correction, for the default printer and inks.
 pub fn case(name: &str, height_mm: Option<f64>, control: &Control<'_>) -> Result<Case, Error> {
     println!("placing {name}");
-    let scale = height_mm.map_or(Scale::Native, Scale::HeightMm);
-    let job = PrintJob::new(PrintSettings { scale, ..PrintSettings::default() })?;
-    let monitor = Monitor::silent();
-    let model = import_path(file(name), &ImportLimits::default())?;
-    let aimed = job.aim(job.place(&model, &monitor)?, &monitor)?;
-    let settings = job.settings().refine.clone();
-    let labels = Refinement::new(aimed.problem(), SurfaceFirst::default(), settings, control)?
-        .unrefined(&aimed.solid, control)?;
+    let (aimed, labels) = unrefined(name, height_mm, control)?;
     Ok(Case { name: name.to_owned(), object: aimed.object, labels, viewing: aimed.viewing })
 }
 

@@ -12,11 +12,9 @@ use std::sync::Arc;
 use clap::Parser;
 use field::{ExitField, Fit};
 use pellucid::core::random::{Domain, hash};
-use pellucid::mesh::{ImportLimits, Scale, import_path};
-use pellucid::refine::{Refinement, SurfaceFirst};
-use pellucid::voxel::{Control, LabelGrid, MaterialTable};
-use pellucid::{Monitor, PrintJob, PrintSettings};
+use pellucid::voxel::{Control, MaterialTable};
 use pellucid_benches::appearance::Error;
+use pellucid_benches::prints::unrefined;
 use pellucid_benches::solids::{ball, sheet};
 use pellucid_benches::study::stopwatch::{on_one_thread, seconds};
 use pellucid_benches::study::{Axis, Panel, Plot, Record, Series, Study, StudySettings, Table};
@@ -80,7 +78,7 @@ fn study(args: &Args) -> Result<(), Error> {
         Scene::new("sheet of 1 mm", &sheet(1.0, SKIN_MM), &control)?,
         Scene::new("ball of 8 mm", &ball(8.0, SKIN_MM), &control)?,
         Scene::new("white ball of 8 mm", &ball(8.0, 0.0), &control)?,
-        Scene::new("jug of 8 mm, unrefined", &jug(8.0, &control)?, &control)?,
+        Scene::new("jug of 8 mm, unrefined", &unrefined("vase-handle", Some(8.0), &control)?.1, &control)?,
     ];
     let mut found = Vec::new();
     for scene in &scenes {
@@ -105,17 +103,6 @@ fn study(args: &Args) -> Result<(), Error> {
 
 /// Halftoned skins of solids.
 const SKIN_MM: f64 = 0.5;
-
-fn jug(height_mm: f64, control: &Control<'_>) -> Result<LabelGrid, Error> {
-    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models/vase-handle.glb");
-    let settings = PrintSettings { scale: Scale::HeightMm(height_mm), ..PrintSettings::default() };
-    let job = PrintJob::new(settings)?;
-    let monitor = Monitor::silent();
-    let aimed = job.aim(job.place(&import_path(file, &ImportLimits::default())?, &monitor)?, &monitor)?;
-    let settings = job.settings().refine.clone();
-    let refinement = Refinement::new(aimed.problem(), SurfaceFirst::default(), settings, control)?;
-    Ok(refinement.unrefined(&aimed.solid, control)?)
-}
 
 /// Random numbers of one path. All of the state is hashed, so that they are uniform from path to path.
 fn random(domain: Domain, point: usize, path: u32) -> Pcg64 {

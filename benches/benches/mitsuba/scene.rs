@@ -1,14 +1,11 @@
 //! Prints before refinement, and the points that paths start from.
 
-use std::path::Path;
 use std::sync::Arc;
 
-use pellucid::mesh::{ImportLimits, Scale, import_path};
 use pellucid::predict::Object;
-use pellucid::refine::{Refinement, SurfaceFirst};
 use pellucid::voxel::{Control, LabelGrid, MaterialTable, Surface, SurfaceOptions, near_order};
-use pellucid::{Monitor, PrintJob, PrintSettings};
 use pellucid_benches::appearance::Error;
+use pellucid_benches::prints::unrefined;
 use pellucid_benches::solids::{ball, sheet};
 
 /// Of the default inks.
@@ -62,7 +59,9 @@ impl Scene {
         let (name, labels) = match *subject {
             Subject::Ball(mm) => (format!("ball of {mm} mm"), ball(mm, SKIN_MM)),
             Subject::Sheet(mm) => (format!("sheet of {mm} mm"), sheet(mm, SKIN_MM)),
-            Subject::Model(model, mm) => (format!("{model} of {mm} mm"), halftoned(model, mm, control)?),
+            Subject::Model(model, mm) => {
+                (format!("{model} of {mm} mm"), unrefined(model, Some(mm), control)?.1)
+            }
         };
         let surface = Surface::extract(&labels, &SurfaceOptions::default(), control)?;
         let order = near_order(surface.voxels());
@@ -76,16 +75,4 @@ impl Scene {
         let (surface, materials) = (self.object.surface().clone(), self.object.materials().clone());
         Ok(Arc::new(Object::new(surface, materials, PRINTED)?))
     }
-}
-
-/// A model's labels before refinement.
-fn halftoned(model: &str, height_mm: f64, control: &Control<'_>) -> Result<LabelGrid, Error> {
-    let job = PrintJob::new(PrintSettings { scale: Scale::HeightMm(height_mm), ..PrintSettings::default() })?;
-    let monitor = Monitor::silent();
-    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models");
-    let imported = import_path(&models.join(format!("{model}.glb")), &ImportLimits::default())?;
-    let aimed = job.aim(job.place(&imported, &monitor)?, &monitor)?;
-    let settings = job.settings().refine.clone();
-    let refinement = Refinement::new(aimed.problem(), SurfaceFirst::default(), settings, control)?;
-    Ok(refinement.unrefined(&aimed.solid, control)?)
 }
