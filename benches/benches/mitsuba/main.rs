@@ -1,4 +1,4 @@
-//! Paths in halftoned prints, ours beside Mitsuba 3's: what one takes, how far it lies from the mean, and what an error takes.
+//! Paths in halftoned prints, ours beside Mitsuba 3's: seconds of one, its standard deviation, and seconds for an error.
 //!
 //! `cargo bench -p pellucid-benches --bench mitsuba`: one sheet; `-- --full` for `docs/results/mitsuba`. Mitsuba is
 //! measured where `--python` has it (`pip install mitsuba`), by `benches/peers/mitsuba_prints.py`.
@@ -6,7 +6,7 @@
 mod peer;
 mod scene;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Parser;
 use pellucid::predict::{Changed, Draw, Network, Pass, Predictor, predict_all};
@@ -44,14 +44,14 @@ struct Row {
     seconds: f64,
     /// Mean radiance of the points that paths were traced from, all channels, and its standard error.
     radiance: [f64; 2],
-    /// Root mean square distance of a path's weight from its point's mean.
-    spread: f64,
+    /// Standard deviation of a path's throughput, root mean square over points and channels.
+    deviation: f64,
 }
 
 impl Row {
     /// Seconds of a prediction of all points and channels with a root mean square error.
     fn prediction(&self, rmse: f64) -> f64 {
-        self.seconds * (self.spread / rmse).powi(2) * self.points as f64 * scene::CHANNELS as f64
+        self.seconds * (self.deviation / rmse).powi(2) * self.points as f64 * scene::CHANNELS as f64
     }
 }
 
@@ -85,9 +85,8 @@ fn study(args: &Args) -> Result<(), Error> {
         let name = scene.name.clone();
         rows.extend(kept.or(&name, || own(&scene, &control))?);
         networks.push(kept.or(&format!("{name}, network"), || network(&scene, &control))?);
-        for variant in peer::VARIANTS.into_iter().filter(|_| mitsuba) {
-            let measure = || by_peer(&args.python, &scene, variant);
-            rows.push(kept.or(&format!("{name}, {variant}"), measure)?);
+        if mitsuba {
+            rows.extend(kept.or(&format!("{name}, Mitsuba"), || peer::measure(&args.python, &scene))?);
         }
     }
     study.write("Beside Mitsuba", &markdown(&rows, &networks), &table(&rows), &plot(&rows))?;
@@ -121,7 +120,7 @@ fn own(scene: &Scene, control: &Control<'_>) -> Result<Vec<Row>, Error> {
                 radiance.iter().map(|l| f64::from(*l)).sum::<f64>() / values,
                 (square / values).sqrt(),
             ],
-            spread: (square * f64::from(SPP)).sqrt(),
+            deviation: (square * f64::from(SPP)).sqrt(),
         });
     }
     Ok(rows)
@@ -136,43 +135,43 @@ fn network(scene: &Scene, control: &Control<'_>) -> Result<Predicted, Error> {
     Ok(Predicted { object: scene.name.clone(), seconds: seconds() - start })
 }
 
-/// Mitsuba's row.
-fn by_peer(python: &Path, scene: &Scene, variant: &str) -> Result<Row, Error> {
-    let found = peer::measure(python, scene, variant)?;
-    Ok(Row {
-        object: scene.name.clone(),
-        points: scene.object.surface().len(),
-        tracer: format!("Mitsuba {}, {variant}", found.version),
-        seconds: found.seconds,
-        radiance: found.radiance,
-        spread: found.spread,
-    })
-}
-
 fn table(rows: &[Row]) -> Table {
     let mut table = Table::new(&[
         "object",
         ">surface points",
         "tracer",
         ">us a path",
-        ">spread of a path",
+        ">std deviation of a path",
         ">s a prediction, RMSE 0.02",
-        ">times Mitsuba's scalar rate",
+        ">times its scalar rate",
+        ">times its LLVM rate",
         ">mean radiance",
         ">std error",
+        ">off ours, std errors",
     ]);
     for row in rows {
-        let scalar = rows.iter().find(|r| r.object == row.object && r.tracer.ends_with("scalar_rgb"));
+        let same = || rows.iter().filter(|r| r.object == row.object);
+        let rate = |of: &str| {
+            let peer = same().find(|r| r.tracer.ends_with(of));
+            peer.map_or(String::new(), |p| format!("{:.1}", p.prediction(WANTED) / row.prediction(WANTED)))
+        };
+        // Of the first instruction set: the others trace the same paths.
+        let off = same()
+            .next()
+            .filter(|_| row.tracer.starts_with("Mitsuba"))
+            .map(|own| (row.radiance[0] - own.radiance[0]) / row.radiance[1].hypot(own.radiance[1]));
         table.row([
             row.object.clone(),
             row.points.to_string(),
             row.tracer.clone(),
             format!("{:.2}", 1e6 * row.seconds),
-            format!("{:.3}", row.spread),
+            format!("{:.3}", row.deviation),
             format!("{:.0}", row.prediction(WANTED)),
-            scalar.map_or(String::new(), |s| format!("{:.1}", s.prediction(WANTED) / row.prediction(WANTED))),
+            rate("scalar_rgb"),
+            rate("llvm_ad_mono"),
             format!("{:.4}", row.radiance[0]),
             format!("{:.4}", row.radiance[1]),
+            off.map_or(String::new(), |z| format!("{z:+.1}")),
         ]);
     }
     table
@@ -186,8 +185,9 @@ fn markdown(rows: &[Row], networks: &[Predicted]) -> String {
     format!(
         "Prints before refinement, their surface without internal reflection, so that both trace the same. Times are of \
          one thread; \"s a prediction\" is of all surface points and three channels, by as many paths as make the root mean \
-         square error {WANTED}; rates are compared at that error. The means agree on the sheet, whose faces are flat; elsewhere \
-         light that leaves goes on into other parts with Mitsuba, be it a step of voxels, and ends with us.\n\n{}\n\
+         square error {WANTED}; rates are compared at that error. The \
+         means should agree on the sheet, whose faces are flat; elsewhere light that leaves goes on into other parts with \
+         Mitsuba, be it a step of voxels, and ends with us, so that Mitsuba's should be lower.\n\n{}\n\
          The network, which errs by some such amount (`error_vs_time`), with the reflection that prints have:\n\n{}",
         table(rows).markdown(),
         network.markdown()

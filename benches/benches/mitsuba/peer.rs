@@ -7,24 +7,15 @@ use pellucid::voxel::{AIR, LabelGrid, Material};
 use pellucid_benches::appearance::Error;
 use serde::Deserialize;
 
+use super::Row;
 use super::scene::{CHANNELS, Scene};
 
-/// The variants that are measured: the scalar one, and the one that is vectorised and compiled at run time.
-pub const VARIANTS: [&str; 2] = ["scalar_rgb", "llvm_ad_mono"];
+/// The variants that are compared with: the scalar one, and the one that is vectorised and compiled at run time.
+const VARIANTS: [&str; 2] = ["scalar_rgb", "llvm_ad_mono"];
 /// Its paths a point and channel.
 pub const PATHS: u32 = 128;
 /// A step in mm of the way from a voxel's centre out of the object: a fiftieth of the pitch's shortest edge.
 const STEP_MM: f64 = 0.0005;
-
-/// What it found.
-pub struct Found {
-    pub version: String,
-    /// Of a path.
-    pub seconds: f64,
-    /// Mean radiance of all points and channels, and its standard error.
-    pub radiance: [f64; 2],
-    pub spread: f64,
-}
 
 #[derive(Deserialize)]
 struct Output {
@@ -39,18 +30,22 @@ pub fn is_there(python: &Path) -> bool {
     Command::new(python).args(["-c", "import mitsuba"]).output().is_ok_and(|out| out.status.success())
 }
 
-/// Measures a variant.
+/// A row for each variant.
 ///
 /// # Errors
 /// What the script says when it fails.
-pub fn measure(python: &Path, scene: &Scene, variant: &str) -> Result<Found, Error> {
+pub fn measure(python: &Path, scene: &Scene) -> Result<Vec<Row>, Error> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mitsuba-scene");
     std::fs::create_dir_all(&folder)?;
     write(&folder, scene)?;
+    VARIANTS.into_iter().map(|variant| run(python, &folder, scene, variant)).collect()
+}
+
+fn run(python: &Path, folder: &Path, scene: &Scene, variant: &str) -> Result<Row, Error> {
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("peers/mitsuba_prints.py");
     let out = Command::new(python)
         .arg(script)
-        .arg(&folder)
+        .arg(folder)
         .args(["--variant", variant, "--paths", &PATHS.to_string()])
         .output()?;
     if !out.status.success() {
@@ -58,11 +53,13 @@ pub fn measure(python: &Path, scene: &Scene, variant: &str) -> Result<Found, Err
     }
     let found: Output = serde_json::from_slice(&out.stdout)?;
     let square = found.std_error.iter().map(|e| e * e).sum::<f64>() / CHANNELS as f64;
-    Ok(Found {
-        version: found.mitsuba,
+    Ok(Row {
+        object: scene.name.clone(),
+        points: scene.object.surface().len(),
+        tracer: format!("Mitsuba {}, {variant}", found.mitsuba),
         seconds: found.seconds,
         radiance: [found.radiance.iter().sum::<f64>() / CHANNELS as f64, (square / CHANNELS as f64).sqrt()],
-        spread: (square * scene.chosen.len() as f64 * f64::from(PATHS)).sqrt(),
+        deviation: (square * scene.chosen.len() as f64 * f64::from(PATHS)).sqrt(),
     })
 }
 

@@ -256,9 +256,7 @@ fn settings(args: &Args) -> Result<(PrintSettings, Option<Record>), Failure> {
         }
         settings.strategy = StrategyKind::SurfaceColor;
     }
-    // `auto` takes paths for descent.
-    let by_paths = settings.predictor == PredictorKind::MonteCarlo
-        || settings.predictor == PredictorKind::Auto && settings.strategy == StrategyKind::Descent;
+    let by_paths = settings.predictor.of(settings.strategy) == PredictorKind::MonteCarlo;
     if let Some(file) = &args.weights {
         if by_paths && settings.gradient == GradientKind::Paths {
             return Err(Failure::message("--weights are the network's; add --predictor rpnn"));

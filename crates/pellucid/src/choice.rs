@@ -14,7 +14,7 @@ use pellucid_voxel::LabelGrid;
 use serde::{Deserialize, Serialize};
 
 use crate::job::Aimed;
-use crate::{PredictorKind, PrintError, PrintJob, StrategyKind, predictors};
+use crate::{PredictorKind, PrintError, PrintJob, predictors};
 
 /// Patches of the surface on which errors are taken.
 const PATCHES: u64 = 48;
@@ -136,14 +136,14 @@ impl Patches {
 
 impl PrintJob {
     /// Tries the predictors that this build and the settings have on an object. The choice depends on the machine; a
-    /// job keeps it, and its record names what was chosen. [`StrategyKind::Descent`] takes paths without a trial. A
+    /// job keeps it, and its record names what was chosen. For descent it is paths without a trial ([`PredictorKind::of`]). A
     /// network that was not trained for the job's voxels, boundary or materials is not tried: paths are taken, and
     /// [`Choice::reason`] says so.
     ///
     /// # Errors
     /// [`PrintError::Predict`], [`PrintError::Refine`], [`PrintError::Cancelled`].
     pub fn choose(&self, aimed: &Aimed, control: &Control<'_>) -> Result<Choice, PrintError> {
-        if self.settings().strategy == StrategyKind::Descent {
+        if PredictorKind::Auto.of(self.settings().strategy) == PredictorKind::MonteCarlo {
             return Ok(Choice::of_descent());
         }
         let settings = crate::PrintSettings { predictor: PredictorKind::Rpnn, ..self.settings().clone() };

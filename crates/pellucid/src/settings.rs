@@ -30,8 +30,8 @@ pub enum PredictorKind {
     /// ([`Corrected`](pellucid_predict::Corrected)).
     #[serde(rename = "rpnn")]
     Rpnn,
-    /// Whichever is ahead on the object at hand, by trial: [`PrintJob::choose`](crate::PrintJob::choose). A job's record
-    /// names what was chosen.
+    /// Whichever is ahead on the object at hand, by trial: [`PrintJob::choose`](crate::PrintJob::choose); paths for
+    /// [`StrategyKind::Descent`]. A job's record names what was chosen.
     #[serde(rename = "auto")]
     Auto,
 }
@@ -43,6 +43,15 @@ impl PredictorKind {
             Self::MonteCarlo => "mc",
             Self::Rpnn => "rpnn",
             Self::Auto => "auto",
+        }
+    }
+
+    /// What a strategy takes of it: [`PredictorKind::Auto`] is decided without a trial for [`StrategyKind::Descent`], since
+    /// a pass says nothing of what passes come to together.
+    pub fn of(self, strategy: StrategyKind) -> Self {
+        match (self, strategy) {
+            (Self::Auto, StrategyKind::Descent) => Self::MonteCarlo,
+            _ => self,
         }
     }
 }
