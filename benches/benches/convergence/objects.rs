@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use pellucid::mesh::{ImportLimits, Model, Scale, import_path};
+use pellucid::mesh::{BaseColor, ImportLimits, Model, Scale, Triangle, Vertex, import_path};
 use pellucid::{Monitor, PrintJob, PrintSettings};
 
-use super::Error;
+use pellucid_benches::appearance::Error;
 
 /// Surface voxels that models are scaled to.
 pub const WANTED: f64 = 250_000.0;
@@ -18,7 +18,8 @@ const PROBE_MM: f64 = 6.0;
 pub struct Subject {
     /// What it is called in tables.
     pub name: String,
-    file: PathBuf,
+    /// Where it is read from; the cube is made.
+    file: Option<PathBuf>,
     size: Size,
 }
 
@@ -29,11 +30,11 @@ enum Size {
     SurfaceVoxels(f64),
 }
 
-/// The models of the repository, scaled to so many surface voxels, and `FILE=MM`s.
+/// The models of the repository and a cube, scaled to so many surface voxels, and `FILE=MM`s.
 pub fn all(full: bool, wanted: f64, also: &[String]) -> Result<Vec<Subject>, Error> {
     let names: &[&str] = match full {
         true => &["vase-handle", "vase-hollow", "showcase", "bone", "plane", "wedge", "octostar", "tubes"],
-        false => &["vase-handle", "showcase"],
+        false => &["vase-handle"],
     };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../datasets/models");
     let own = names.iter().map(|&name| {
@@ -41,15 +42,16 @@ pub fn all(full: bool, wanted: f64, also: &[String]) -> Result<Vec<Subject>, Err
             ("plane" | "wedge", true) => Size::KeepingThickness(wanted),
             _ => Size::SurfaceVoxels(wanted),
         };
-        Ok(Subject { name: name.to_owned(), file: folder.join(format!("{name}.glb")), size })
+        Ok(Subject { name: name.to_owned(), file: Some(folder.join(format!("{name}.glb"))), size })
     });
     let further = also.iter().map(|given| {
         let (file, mm) = given.rsplit_once('=').ok_or_else(|| format!("{given}: FILE=MM is wanted"))?;
         let file = PathBuf::from(file);
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Subject { name, file, size: Size::HeightMm(mm.parse()?) })
+        Ok(Subject { name, file: Some(file), size: Size::HeightMm(mm.parse()?) })
     });
-    own.chain(further).collect()
+    let cube = Subject { name: "cube".to_owned(), file: None, size: Size::SurfaceVoxels(wanted) };
+    own.chain(full.then_some(Ok(cube))).chain(further).collect()
 }
 
 impl Subject {
@@ -63,7 +65,10 @@ impl Subject {
 
     /// The model and the size that it is printed in.
     pub fn sized(&self) -> Result<(Model, Scale), Error> {
-        let model = import_path(&self.file, &ImportLimits::default())?;
+        let model = match &self.file {
+            Some(file) => import_path(file, &ImportLimits::default())?,
+            None => cube()?,
+        };
         // A surface grows as the square; a round size reads better.
         let height =
             |probe: usize, wanted: f64| (2.0 * PROBE_MM * (wanted / probe as f64).sqrt()).round() / 2.0;
@@ -98,4 +103,22 @@ fn spread(model: &Model, height_mm: f64) -> Result<Model, Error> {
     }
     let (triangles, materials) = (model.triangles().to_vec(), model.materials().to_vec());
     Ok(Model::new(model.name(), vertices, triangles, materials, model.textures().to_vec())?)
+}
+
+/// A cube with a colour of its own at each corner, and smooth ones between them.
+fn cube() -> Result<Model, Error> {
+    let corner = |i: u32| {
+        let at = [0, 1, 2].map(|axis| f64::from(i >> axis & 1));
+        let [r, g, b] = at.map(|v| (0.1 + 0.7 * v) as f32);
+        Vertex { position_m: at.map(|v| 0.01 * v), uv: [0.0; 2], color: [r, g, b, 1.0] }
+    };
+    let face = |axis: u32, end: u32| {
+        let [u, v, first] = [1 << ((axis + 1) % 3), 1 << ((axis + 2) % 3), end << axis];
+        let [along, across] = if end == 1 { [u, v] } else { [v, u] };
+        let [b, c, d] = [first + along, first + u + v, first + across];
+        [[first, b, c], [first, c, d]].map(|vertices| Triangle { vertices, material: 0 })
+    };
+    let triangles = (0..3).flat_map(|axis| [face(axis, 0), face(axis, 1)]).flatten().collect();
+    let plain = BaseColor { name: String::new(), factor: [1.0; 4], texture: None, double_sided: false };
+    Ok(Model::new("cube", (0..8).map(corner).collect(), triangles, vec![plain], Vec::new())?)
 }

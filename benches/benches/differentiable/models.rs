@@ -9,10 +9,9 @@ use pellucid::refine::{Effort, Judge, JudgeInput, StepRule};
 use pellucid::voxel::Control;
 use pellucid::{Monitor, PrintJob, PrintSettings, StrategyKind, Workspace};
 use pellucid_benches::appearance::Error;
+use pellucid_benches::pixels::Pixels;
 use pellucid_benches::study::Kept;
 use serde::{Deserialize, Serialize};
-
-use super::pictures::Pixels;
 
 /// The heuristic's iterations: the paper's.
 const HEURISTIC_ITERATIONS: u32 = 24;

@@ -9,7 +9,6 @@ use pellucid::voxel::Control;
 use pellucid_benches::appearance::{Error, heat_color};
 use pellucid_benches::slab::field::Gaussian;
 use pellucid_benches::slab::loss::VIEWED_MM;
-use serde::{Deserialize, Serialize};
 
 use super::models::ModelRun;
 use super::runs::{HEURISTICS, Run, Start};
@@ -19,24 +18,6 @@ use super::scene::Scene;
 pub const FULL_DELTA_E: f32 = 10.0;
 /// Pixels across a cutout, about.
 const CUTOUT: usize = 192;
-
-/// A picture that can be kept.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Pixels {
-    width: u32,
-    height: u32,
-    rgba: Vec<f32>,
-}
-
-impl Pixels {
-    pub fn of(picture: &Picture) -> Self {
-        Self { width: picture.width(), height: picture.height(), rgba: picture.rgba().to_vec() }
-    }
-
-    fn picture(&self) -> Result<Picture, Error> {
-        Ok(Picture::new(self.width, self.height, self.rgba.clone())?)
-    }
-}
 
 /// A cutout of colours `[y][x]`, every voxel several pixels wide.
 fn cutout(colors: &[[f32; 3]], width: usize) -> Result<Picture, Error> {

@@ -35,14 +35,26 @@ impl Kept {
         name: &str,
         measure: impl FnOnce() -> Result<T, Error>,
     ) -> Result<T, Error> {
-        let path = self.0.join(format!("{}.json", name.replace([' ', ',', '.'], "-")));
-        if path.exists() {
-            return Ok(serde_json::from_slice(&std::fs::read(&path)?)?);
+        if let Some(found) = self.get(name)? {
+            return Ok(found);
         }
         println!("{name}");
         let found = measure()?;
-        write_whole_bytes(&path, &serde_json::to_vec(&found)?)?;
+        write_whole_bytes(self.path(name), &serde_json::to_vec(&found)?)?;
         Ok(found)
+    }
+
+    /// What was measured before under this name.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn get<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, Error> {
+        let path = self.path(name);
+        Ok(if path.exists() { Some(serde_json::from_slice(&std::fs::read(path)?)?) } else { None })
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(format!("{}.json", name.replace([' ', ',', '.'], "-")))
     }
 }
 
@@ -55,8 +67,10 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("pellucid-kept-{}", std::process::id()));
         let kept = Kept::new("study", Some(&folder), "", false).unwrap();
         assert!(kept.or::<u32>("a, b", || Err("no".into())).is_err());
+        assert_eq!(kept.get::<u32>("a, b").unwrap(), None);
         assert_eq!(kept.or("a, b", || Ok(7)).unwrap(), 7);
         assert_eq!(kept.or("a, b", || Ok(8)).unwrap(), 7);
+        assert_eq!(kept.get::<u32>("a, b").unwrap(), Some(7));
         let other = Kept::new("study", Some(&folder), "", true).unwrap();
         assert_eq!(other.or("a, b", || Ok(9)).unwrap(), 9, "small and full runs are apart");
         std::fs::remove_dir_all(folder).unwrap();

@@ -132,6 +132,12 @@ impl PrintJob {
         &self.settings
     }
 
+    /// What predicts in the refinement, with the derivatives that its strategy follows; the path tracer for
+    /// [`PredictorKind::Auto`], which an object has to decide ([`PrintJob::choose`]).
+    pub fn predictor(&self) -> &Arc<dyn Predictor> {
+        &self.predictor
+    }
+
     /// Tells before any work whether [`Prepared::write`] would refuse the output folder. Changes nothing.
     ///
     /// # Errors
