@@ -54,6 +54,6 @@ variant "opened by no step of surface-first, not 5" '"descent": { "opening_steps
 variant "forgiveness 1, not 0.5" '"descent": { "forgiveness": 1.0 }'
 variant "forgiveness 0, not 0.5" '"descent": { "forgiveness": 0.0 }'
 for seed in 0 1; do
-    variant "steps by Adam, seed $seed" '"descent": { "rule": "adam" }' --seed $seed
+    variant "steps by the bound, seed $seed" '"descent": { "rule": "bound" }' --seed $seed
     variant "steps by Barzilai and Borwein, seed $seed" '"descent": { "rule": "barzilai-borwein" }' --seed $seed
 done

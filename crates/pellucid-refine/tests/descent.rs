@@ -81,7 +81,7 @@ fn labels_do_not_depend_on_threads() {
 
 #[test]
 fn other_rules_of_steps_lower_the_loss_too() {
-    for rule in [StepRule::Adam, StepRule::BarzilaiBorwein] {
+    for rule in [StepRule::Bound, StepRule::BarzilaiBorwein] {
         let (report, _) = run(Descent { rule, ..descent() }, 15);
         let losses: Vec<f64> = report.iterations.iter().filter_map(|i| i.loss).collect();
         let least = losses.iter().copied().fold(f64::INFINITY, f64::min);
@@ -92,7 +92,7 @@ fn other_rules_of_steps_lower_the_loss_too() {
 #[test]
 fn a_job_resumed_after_any_step_ends_as_one_that_was_not() {
     resumed(&descent(), &[2, 4, 5, 8]);
-    for rule in [StepRule::Adam, StepRule::BarzilaiBorwein] {
+    for rule in [StepRule::Bound, StepRule::BarzilaiBorwein] {
         resumed(&Descent { rule, ..descent() }, &[6]);
     }
 }

@@ -44,10 +44,9 @@ const CHOICE: Domain = Domain::new("refine: points of the curvature");
 /// the one at the mixtures that they were drawn from. The paper of the method (Rittig et al. 2021, section 6) names
 /// derivatives of the forward model as future work.
 ///
-/// A few steps of [`SurfaceFirst`] open. Then the state is one mixture a cell (surface voxel and layer), moved by
-/// momentum and a step in proportion to the one that a separable quadratic bound of the loss makes safe (De Pierro 1995),
-/// scaled patch by patch of the surface by whether the last step lowered the loss there. Where much of the loss is the
-/// prediction's noise, as on bright objects with long paths, more paths are traced. The predictor must have a gradient.
+/// A few steps of [`SurfaceFirst`] open. Then the state is one mixture a cell (surface voxel and layer), moved against its
+/// derivatives by a [`StepRule`]. Where much of the loss is the prediction's noise, as on bright objects with long paths,
+/// more paths are traced. The predictor must have a gradient.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Descent {
@@ -57,7 +56,8 @@ pub struct Descent {
     pub opening_steps: u32,
     /// How far steps go.
     pub rule: StepRule,
-    /// Share of the last step that the next one keeps, 0 to below 1.
+    /// Share of what came before that a step keeps, 0 to below 1: of the last step, or of the mean of derivatives by
+    /// [`StepRule::Adam`].
     pub momentum: f32,
     /// How far differences of saturated colours are forgiven: 0 not at all, 1 as much as CIEDE2000 does.
     pub forgiveness: f32,
@@ -71,7 +71,7 @@ impl Default for Descent {
         Self {
             opening: SurfaceFirst::default(),
             opening_steps: 5,
-            rule: StepRule::Bound,
+            rule: StepRule::default(),
             momentum: 0.9,
             forgiveness: 0.5,
             contrast: 2.0,

@@ -13,10 +13,10 @@ use super::state::{Cells, DescentState, MOVE};
 pub enum StepRule {
     /// In proportion to the step that a separable quadratic bound of the loss's curvature makes safe (De Pierro 1995),
     /// patch by patch of the surface, with momentum.
-    #[default]
     Bound,
     /// By running means of derivatives and of their squares (Kingma and Ba 2015), every share by itself; the momentum is
     /// the first mean's share of the past.
+    #[default]
     Adam,
     /// Against the bound, by one length for all that the last move and what it did to the derivative give (Barzilai and
     /// Borwein 1988, their first); no momentum.
