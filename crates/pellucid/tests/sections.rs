@@ -36,7 +36,8 @@ fn color([x, _, z]: [u32; 3]) -> [f32; 3] {
 fn settings(strategy: StrategyKind, section_mm: Option<f64>) -> PrintSettings {
     let mut settings = PrintSettings { strategy, section_mm, ..quick() };
     settings.refine.coloured_depth_mm = 0.4;
-    settings.refine.iterations = Some(4);
+    // Descent's first steps, Adam's, are as long everywhere: it takes some more to come to what is wanted.
+    settings.refine.iterations = Some(if strategy == StrategyKind::Descent { 8 } else { 4 });
     settings.judge_spp = 4;
     settings
 }
@@ -69,7 +70,7 @@ fn sections_start_from_the_whole_halftone_and_end_as_good() {
             let errors: Vec<f32> = near.map(|(_, parts)| parts.iter().sum()).collect();
             errors.iter().sum::<f32>() / errors.len() as f32
         };
-        // Sections end 8 % below to 4 % above the whole: they take other steps along other noise.
+        // Sections end 8 % below to 5 % above the whole: they take other steps along other noise.
         assert!(beside(&parts) < 1.08 * beside(&whole), "{}", strategy.name());
         let error = |prepared: &pellucid::job::Prepared| {
             let evaluation = &prepared.judged.evaluation;
