@@ -74,11 +74,12 @@ fn write(args: &Args, runs: &[Run]) -> Result<(), Error> {
     let mut record = Record::now("convergence", rayon::current_num_threads());
     record.add("settings", "the defaults of the library");
     let mut machines: Vec<&str> = runs.iter().map(|run| run.machine.as_str()).collect();
+    machines.sort_unstable();
     machines.dedup();
     record.add("runs on", machines.join("; "));
     let study = Study::new("convergence", env!("CARGO_TARGET_TMPDIR"), &args.settings.study, record)?;
     for of_object in runs.chunk_by(|a, b| a.object == b.object) {
-        pictures::sheet(study.folder(), &of_object.iter().collect::<Vec<_>>())?;
+        pictures::sheet(study.folder(), of_object)?;
     }
     report::write_iterates(study.folder(), runs)?;
     study.write(

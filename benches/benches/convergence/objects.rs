@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use pellucid::mesh::{BaseColor, ImportLimits, Model, Scale, Triangle, Vertex, import_path};
 use pellucid::{Monitor, PrintJob, PrintSettings};
-
 use pellucid_benches::appearance::Error;
 
 /// Surface voxels that models are scaled to.

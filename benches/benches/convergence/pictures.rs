@@ -4,17 +4,17 @@ use std::path::Path;
 
 use pellucid::proof::{Picture, contact_sheet};
 use pellucid::voxel::Control;
+use pellucid_benches::appearance::Error;
 use pellucid_benches::pixels::Pixels;
 
 use super::runs::Run;
-use pellucid_benches::appearance::Error;
 
 /// `OBJECT.png` of the runs of one object: the texture, the halftone before refinement, and each way; their errors
 /// below.
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn sheet(folder: &Path, runs: &[&Run]) -> Result<(), Error> {
+pub fn sheet(folder: &Path, runs: &[Run]) -> Result<(), Error> {
     let Some(first) = runs.first() else { return Ok(()) };
     let control = Control::none();
     let [target, unrefined, _] = &first.pictures;

@@ -12,6 +12,8 @@ use super::ways::{DESCENT, SURFACE_FIRST, WAYS};
 
 /// Share of the surface from which a class of colours is listed.
 const LISTED: f64 = 0.03;
+/// The least share of a class's chroma that is no loss.
+const CHROMA_KEPT: f64 = 0.9;
 /// Minutes at which the ways are compared.
 const MINUTES: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
@@ -112,6 +114,17 @@ fn losses(runs: &[Run]) -> String {
         for (what, a, b) in figures.into_iter().filter(|(_, a, b)| b > a) {
             lines += &format!("- {} {what}: {b:.2} by descent, {a:.2} by surface-first\n", first.object);
         }
+        if let (Some(a), Some(b)) = (a.sharpness.slope, b.sharpness.slope)
+            && b < a
+        {
+            lines +=
+                &format!("- {} in sharpness: {b:.2} by descent, {a:.2} by surface-first\n", first.object);
+        }
+        for (class, kept) in larger_classes(first, second).map(|[a, b]| (a.class, chroma_kept(a, b))) {
+            if kept < CHROMA_KEPT {
+                lines += &format!("- {} in {class:?}: {kept:.2} of the chroma kept\n", first.object);
+            }
+        }
     }
     let early = objects(runs).filter_map(|of_object| {
         let at = |way: &str| of_object.iter().find(|r| r.way == way)?.best_within(60.0 * MINUTES[0]);
@@ -136,8 +149,16 @@ fn pairs(runs: &[Run]) -> impl Iterator<Item = (&Run, &Run)> {
 
 /// What descent leaves of surface-first's errors.
 fn ratios(runs: &[Run]) -> Table {
-    let mut table =
-        Table::new(&["object", ">voxel", ">0.1 mm", ">0.1 mm, 95 %", ">0.2 mm", ">sharpness", ">time"]);
+    let mut table = Table::new(&[
+        "object",
+        ">voxel",
+        ">0.1 mm",
+        ">0.1 mm, 95 %",
+        ">0.2 mm",
+        ">sharpness",
+        ">refinement s",
+        ">whole job s",
+    ]);
     let values = |run: &Run| {
         let e = run.after();
         [
@@ -147,11 +168,12 @@ fn ratios(runs: &[Run]) -> Table {
             e.at_0_2_mm.printable.mean,
             e.sharpness.slope.unwrap_or(f64::NAN),
             run.refine_seconds(),
+            run.all_seconds(),
         ]
     };
-    let mut sums = [[0.0; 6]; 2];
+    let mut sums = [[0.0; 7]; 2];
     let cells =
-        |ratios: [f64; 6]| ratios.map(|r| if r.is_finite() { format!("{r:.3}") } else { String::new() });
+        |ratios: [f64; 7]| ratios.map(|r| if r.is_finite() { format!("{r:.3}") } else { String::new() });
     for (first, second) in pairs(runs) {
         let (a, b) = (values(first), values(second));
         for (sums, values) in sums.iter_mut().zip([a, b]) {
@@ -163,6 +185,19 @@ fn ratios(runs: &[Run]) -> Table {
     let all = std::array::from_fn(|i| sums[1][i] / sums[0][i]);
     table.row(["all, sums".to_owned()].into_iter().chain(cells(all)));
     table
+}
+
+/// Classes of colours that are listed, by two ways.
+fn larger_classes<'r>(first: &'r Run, second: &'r Run) -> impl Iterator<Item = [&'r ClassErrors; 2]> {
+    first.after().color_classes.iter().filter(|c| c.share >= LISTED).filter_map(|class| {
+        let other = second.after().color_classes.iter().find(|c| c.class == class.class)?;
+        Some([class, other])
+    })
+}
+
+/// What `other` keeps of the chroma that can be printed or that `class` shows, whichever is less.
+fn chroma_kept(class: &ClassErrors, other: &ClassErrors) -> f64 {
+    other.shown.chroma / class.printable.chroma.min(class.shown.chroma)
 }
 
 /// Mean colours of the larger classes.
@@ -182,9 +217,7 @@ fn classes(runs: &[Run]) -> Table {
     let colour =
         |c: &pellucid::refine::MeanColor| format!("{:.0} {:.0} {:.0}°", c.lightness, c.chroma, c.hue_deg);
     for (first, second) in pairs(runs) {
-        for class in first.after().color_classes.iter().filter(|c| c.share >= LISTED) {
-            let same = |c: &&ClassErrors| c.class == class.class;
-            let Some(other) = second.after().color_classes.iter().find(same) else { continue };
+        for [class, other] in larger_classes(first, second) {
             table.row([
                 first.object.clone(),
                 format!("{:?}", class.class),
@@ -192,7 +225,7 @@ fn classes(runs: &[Run]) -> Table {
                 colour(&class.printable),
                 colour(&class.shown),
                 colour(&other.shown),
-                format!("{:.2}", other.shown.chroma / class.printable.chroma.min(class.shown.chroma)),
+                format!("{:.2}", chroma_kept(class, other)),
                 format!("{:+.1}", other.shown.lightness - class.shown.lightness),
                 format!("{:.2}", class.mean),
                 format!("{:.2}", other.mean),

@@ -9,7 +9,7 @@ use pellucid::proof::{View, Visibility};
 use pellucid::refine::{Judge, JudgeInput, StateErrors};
 use pellucid::voxel::{Control, LabelGrid};
 use pellucid::{Monitor, PrintJob, PrintSettings, Report, Workspace};
-use pellucid_benches::appearance::heat_color;
+use pellucid_benches::appearance::{Error, heat_color};
 use pellucid_benches::pixels::Pixels;
 use pellucid_benches::study::Kept;
 use pellucid_benches::study::record::processor;
@@ -18,7 +18,6 @@ use serde::{Deserialize, Serialize};
 use super::objects::Subject;
 use super::watched::Watched;
 use super::ways::Way;
-use pellucid_benches::appearance::Error;
 
 /// Iterations whose labels are judged.
 const JUDGED: [u32; 8] = [1, 2, 4, 7, 10, 20, 30, 40];
@@ -144,10 +143,8 @@ pub fn refined(subject: &Subject, way: &Way, kept: &Kept, prints: &Path) -> Resu
             sorted.sort_unstable_by(f32::total_cmp);
             QUANTILES.map(|q| quantile(&sorted, q))
         });
-        let [pictures, maps] = pictures(&prepared, [&before, &after])?;
+        let (pictures, maps) = pictures(&prepared, [&before, &after])?;
         let (object, way) = (subject.name.clone(), way.name.to_owned());
-        let pictures = <[Pixels; 3]>::try_from(pictures).map_err(|_| "three pictures were drawn")?;
-        let maps = <[Pixels; 2]>::try_from(maps).map_err(|_| "two maps were drawn")?;
         Ok(Run { object, way, machine: processor(), report, iterates, quantiles, pictures, maps })
     })
 }
@@ -204,17 +201,17 @@ fn errors(prepared: &Prepared) -> [Vec<f32>; 2] {
 }
 
 /// Pictures of target, before and after; and maps of errors.
-fn pictures(prepared: &Prepared, errors: [&Vec<f32>; 2]) -> Result<[Vec<Pixels>; 2], Error> {
+fn pictures(prepared: &Prepared, errors: [&[f32]; 2]) -> Result<([Pixels; 3], [Pixels; 2]), Error> {
     let control = Control::none();
     let Prepared { aimed, refined, judged, .. } = prepared;
     let view = View::front_and_back().swap_remove(0);
     let seen = Visibility::trace(&refined.labels, aimed.object.surface(), &view, EDGE, &control)?;
     let picture = |colors: &[[f32; 3]]| Ok::<_, Error>(Pixels::of(&seen.shade(colors, &control)?));
-    let [before, after] = &judged.appearance;
-    let pictures = [&aimed.target, before, after].map(|colors| picture(colors));
-    let maps = errors.map(|errors| {
+    let map = |errors: &[f32]| {
         let colors: Vec<_> = errors.iter().map(|&e| heat_color(e, FULL_DELTA_E)).collect();
         picture(&colors)
-    });
-    Ok([pictures.into_iter().collect::<Result<_, _>>()?, maps.into_iter().collect::<Result<_, _>>()?])
+    };
+    let [before, after] = &judged.appearance;
+    let pictures = [picture(&aimed.target)?, picture(before)?, picture(after)?];
+    Ok((pictures, [map(errors[0])?, map(errors[1])?]))
 }

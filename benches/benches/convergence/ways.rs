@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use pellucid::predict::{Network, Predictor};
 use pellucid::{PredictorKind, PrintJob, PrintSettings, StrategyKind};
-
 use pellucid_benches::appearance::Error;
 
 /// A strategy with what predicts for it.

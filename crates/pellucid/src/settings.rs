@@ -60,7 +60,7 @@ impl PredictorKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum StrategyKind {
-    /// Correct each surface voxel's own column, from the surface down: the method's paper, section 5.2; a fifth of the
+    /// Correct each surface voxel's own column, from the surface down: the method's paper, section 5.2; a quarter of the
     /// time.
     #[serde(rename = "surface-first")]
     SurfaceFirst,

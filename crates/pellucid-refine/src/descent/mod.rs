@@ -81,7 +81,8 @@ impl Default for Descent {
 
 /// What every step of a descent uses.
 pub struct DescentTools {
-    patches: Patches,
+    /// Where [`StepRule::Bound`] asks for them.
+    patches: Option<Patches>,
     fine: SurfaceSmoother,
     /// Makes the means that local contrast leaves out.
     low_pass: LowPass,
@@ -175,7 +176,8 @@ impl Strategy for Descent {
                 |smoother: &SurfaceSmoother, weight| Scale::new(smoother, aim, weight, weights, control);
             Ok([scale(smoother, share)?, scale(&fine, share * FINE_WEIGHT)?])
         })?;
-        Ok(DescentTools { patches: Patches::new(surface), fine, low_pass, scales })
+        let patches = (self.rule == StepRule::Bound).then(|| Patches::new(surface));
+        Ok(DescentTools { patches, fine, low_pass, scales })
     }
 
     fn effort(&self, state: &DescentState) -> u32 {
@@ -232,7 +234,7 @@ enum Kind {
 struct OwnStep {
     /// The state that the first step starts from.
     begun: Option<Box<DescentState>>,
-    /// What is known of patches with what was seen.
+    /// What is known of patches with what was seen, where the rule has them.
     patches: Vec<Patch>,
     /// The mean loss seen, and what of it is noise, where that was measured.
     loss: f64,
@@ -256,8 +258,10 @@ impl Descent {
         let bounded = begun.is_some() && self.rule != StepRule::Adam;
         let found = tools.loss(setup, seen, bounded, control)?;
         let from = begun.as_deref().unwrap_or(state);
-        let mut patches = from.patches.clone();
-        tools.patches.judge(&mut patches, &found.loss);
+        let mut known = from.patches.clone();
+        if let Some(patches) = &tools.patches {
+            patches.judge(&mut known, &found.loss);
+        }
         let noise = match from.asks_for_noise() {
             true => Some(tools.noise(setup, seen, control)?),
             false => None,
@@ -272,7 +276,7 @@ impl Descent {
         let mut gradient = pull(setup, seen, draw, &setup.points, d_shown, control)?;
         drop(found);
         step::smooth(Cells::of(setup), &mut gradient, &tools.fine, control)?;
-        Ok(OwnStep { begun, patches, loss, noise, gradient })
+        Ok(OwnStep { begun, patches: known, loss, noise, gradient })
     }
 
     fn take_own(

@@ -3,6 +3,7 @@
 use pellucid_core::{Cancelled, Control};
 use rayon::prelude::*;
 
+use super::patches::Patches;
 use super::rule::{Adam, StepRule, barzilai_borwein};
 use super::state::{Cells, DescentState, MOVE, WHOLE};
 use super::{Descent, DescentTools};
@@ -24,7 +25,7 @@ pub(super) fn take(
     tools: &DescentTools,
     gradient: Vec<f32>,
 ) -> f64 {
-    let by = By::of(descent, state, &gradient, cells);
+    let by = By::of(descent, tools, state, &gradient, cells);
     let row = cells.row();
     let most = state.most_curvature;
     let known = &state.patches;
@@ -36,10 +37,11 @@ pub(super) fn take(
         .zip(state.curvatures.par_chunks_exact_mut(row).zip(gradient.par_chunks_exact(row)))
         .enumerate()
         .map(|(point, ((inks, moves), (kept, gradient)))| {
-            let patch = known[tools.patches.of(point)];
             let (length, momentum) = match by {
-                By::Patches if patch.rose => (patch.length / shorter, 0.0),
-                By::Patches => (patch.length / shorter, descent.momentum),
+                By::Patches(patches) => {
+                    let patch = known[patches.of(point)];
+                    (patch.length / shorter, if patch.rose { 0.0 } else { descent.momentum })
+                }
                 By::One(length) => (length, 0.0),
                 By::Adam(_) => (1.0 / shorter, 0.0),
             };
@@ -84,20 +86,26 @@ pub(super) fn take(
 }
 
 /// What decides a step's length.
-enum By {
+enum By<'t> {
     /// Each patch's own, over the bound.
-    Patches,
+    Patches(&'t Patches),
     /// One for all, over the bound.
     One(f32),
     Adam(Adam),
 }
 
-impl By {
-    fn of(descent: &Descent, state: &mut DescentState, gradient: &[f32], cells: Cells) -> Self {
-        match descent.rule {
-            StepRule::Bound => Self::Patches,
-            StepRule::BarzilaiBorwein => Self::One(barzilai_borwein(state, gradient, cells)),
-            StepRule::Adam => {
+impl<'t> By<'t> {
+    fn of(
+        descent: &Descent,
+        tools: &'t DescentTools,
+        state: &mut DescentState,
+        gradient: &[f32],
+        cells: Cells,
+    ) -> Self {
+        match (&tools.patches, descent.rule) {
+            (Some(patches), _) => Self::Patches(patches),
+            (None, StepRule::BarzilaiBorwein) => Self::One(barzilai_borwein(state, gradient, cells)),
+            (None, _) => {
                 if state.steps == 0 {
                     // Root mean squares take the curvatures' place, and begin at next to nothing.
                     state.most_curvature =
