@@ -15,6 +15,7 @@
 
 pub mod appearance;
 pub mod dense;
+pub mod faces;
 pub mod judged;
 pub mod pixels;
 pub mod prints;

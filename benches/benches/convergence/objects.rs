@@ -62,6 +62,11 @@ impl Subject {
         }
     }
 
+    /// True of an upright box.
+    pub fn is_box(&self) -> bool {
+        self.file.is_none()
+    }
+
     /// The model and the size that it is printed in.
     pub fn sized(&self) -> Result<(Model, Scale), Error> {
         let model = match &self.file {

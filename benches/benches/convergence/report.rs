@@ -5,6 +5,7 @@ use std::path::Path;
 use pellucid::core::files::write_whole_bytes;
 use pellucid::refine::{ClassErrors, StateErrors};
 use pellucid_benches::appearance::Error;
+use pellucid_benches::faces::{Faces, PERIODS_MM, RIM_MM};
 use pellucid_benches::study::{Axis, Panel, Plot, Series, Table};
 
 use super::runs::{FULL_DELTA_E, QUANTILES, Run};
@@ -235,6 +236,42 @@ fn classes(runs: &[Run]) -> Table {
     table
 }
 
+/// Rims and patterns on the faces of boxes; nothing where there are none.
+fn faces(runs: &[Run]) -> String {
+    let bands = PERIODS_MM.iter().map(|mm| format!(">to {mm} mm"));
+    let columns =
+        ["object", "way", "rim L* a* b*", "elsewhere L* a* b*"].map(str::to_owned).into_iter().chain(bands);
+    let columns: Vec<String> = columns.chain([">above".to_owned()]).collect();
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut table = Table::new(&columns);
+    let mut add = |run: &Run, way: &str, faces: &Faces| {
+        let means = [faces.rim, faces.inner].map(|m| m.map(|v| format!("{v:+.2}")).join(" "));
+        let head = [run.object.clone(), way.to_owned()];
+        table.row(head.into_iter().chain(means).chain(faces.bands.map(|v| format!("{v:.2}"))));
+    };
+    let mut some = false;
+    for of_object in objects(runs) {
+        for (i, run) in of_object.iter().enumerate() {
+            let Some([before, after]) = &run.faces else { continue };
+            if i == 0 {
+                add(run, "none", before);
+            }
+            add(run, &run.way, after);
+            some = true;
+        }
+    }
+    if !some {
+        return String::new();
+    }
+    format!(
+        "## Rims and patterns of the cube\n\nWhat its faces show less the printable target: the mean within {RIM_MM} mm of an \
+         edge and elsewhere, and the root mean square Lab difference elsewhere by the period of its pattern (Fourier \
+         transforms of the faces). What the halftone before refinement has below a millimetre is its grain, with the noise of \
+         the judge's paths; above that, what scattering does to the colours.\n\n{}\n",
+        table.markdown()
+    )
+}
+
 /// Where the error to the texture sits.
 fn shares(runs: &[Run]) -> Table {
     let mut table = Table::new(&["object", "way", ">out of gamut %", ">too thin %", ">cross-talk %"]);
@@ -272,7 +309,7 @@ pub fn markdown(runs: &[Run]) -> String {
          box plots).\n\n{}\n\
          ## Classes of colours\n\nThose of 3 % of a surface or more; mean L*, chroma and hue at 0.2 mm, mean dE2000 at \
          0.1 mm. Chroma kept is descent's by the lower of the other two; L* gained is descent's above surface-first's.\n\n{}\n\
-         ## Where the error sits\n\nShares of the mean dE2000 at 0.1 mm to the texture itself.\n\n{}\n\
+         {}## Where the error sits\n\nShares of the mean dE2000 at 0.1 mm to the texture itself.\n\n{}\n\
          ## Pictures\n\nThe texture relative to the print's white, the halftone before refinement, then each way as named; \
          below the error to the texture at 0.1 mm, black for 0 to white for {FULL_DELTA_E} dE2000.\n\n{}",
         losses(runs),
@@ -281,6 +318,7 @@ pub fn markdown(runs: &[Run]) -> String {
         ratios(runs).markdown(),
         quantiles(runs).markdown(),
         classes(runs).markdown(),
+        faces(runs),
         shares(runs).markdown(),
         shown(runs)
     )

@@ -10,6 +10,7 @@ use pellucid::refine::{Judge, JudgeInput, StateErrors};
 use pellucid::voxel::{Control, LabelGrid};
 use pellucid::{Monitor, PrintJob, PrintSettings, Report, Workspace};
 use pellucid_benches::appearance::{Error, heat_color};
+use pellucid_benches::faces::Faces;
 use pellucid_benches::pixels::Pixels;
 use pellucid_benches::study::Kept;
 use pellucid_benches::study::record::processor;
@@ -54,6 +55,8 @@ pub struct Run {
     pub iterates: Vec<Iterate>,
     /// [`QUANTILES`] of CIEDE2000 to the texture itself at 0.1 mm, before and after.
     pub quantiles: [[f64; 5]; 2],
+    /// What is wrong on the faces of a box, before and after.
+    pub faces: Option<[Faces; 2]>,
     /// From the front: the texture's colours relative to the print's white, before, after.
     pub pictures: [Pixels; 3],
     /// Errors to the texture at 0.1 mm, before and after.
@@ -143,9 +146,15 @@ pub fn refined(subject: &Subject, way: &Way, kept: &Kept, prints: &Path) -> Resu
             sorted.sort_unstable_by(f32::total_cmp);
             QUANTILES.map(|q| quantile(&sorted, q))
         });
+        let faces = subject.is_box().then(|| {
+            let aimed = &prepared.aimed;
+            let faces =
+                |shown: &Vec<[f32; 3]>| Faces::of(aimed.object.surface(), shown, &aimed.printable_target);
+            prepared.judged.appearance.each_ref().map(faces)
+        });
         let (pictures, maps) = pictures(&prepared, [&before, &after])?;
         let (object, way) = (subject.name.clone(), way.name.to_owned());
-        Ok(Run { object, way, machine: processor(), report, iterates, quantiles, pictures, maps })
+        Ok(Run { object, way, machine: processor(), report, iterates, quantiles, faces, pictures, maps })
     })
 }
 

@@ -95,7 +95,8 @@ impl<'a, S: Strategy> Refinement<'a, S> {
             out_of_gamut: out_of_gamut(&target_lab, &printable_lab),
             ..RefineReport::default()
         };
-        let setup = Setup { problem, layers, points: problem.object.points(), seed: settings.seed };
+        let points = problem.object.points();
+        let setup = Setup { problem, layers, points, seed: settings.seed, iterations };
         let state = strategy.start(&setup);
         Ok(Self {
             setup,

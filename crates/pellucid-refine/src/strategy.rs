@@ -140,6 +140,8 @@ pub struct Setup<'a> {
     pub points: Vec<u32>,
     /// Seed of everything random.
     pub seed: u64,
+    /// How many iterations there are at most after the unrefined halftone.
+    pub iterations: u32,
 }
 
 /// Mixtures to halftone.

@@ -244,7 +244,7 @@ mod tests {
         let layers = Layers::find(0.8, 12, object.surface(), nearest, &Control::none()).unwrap();
         let problem =
             Problem { object, nearest, ink: &Inks, viewing, target, printable_target: target, further: &[] };
-        Setup { problem, layers, points: object.points(), seed: 0 }
+        Setup { problem, layers, points: object.points(), seed: 0, iterations: 1 }
     }
 
     proptest! {

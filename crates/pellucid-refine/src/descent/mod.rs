@@ -21,6 +21,7 @@ use crate::{
 use aims::{Loss, pull};
 use loss::{Scale, Weights};
 use patches::{Patch, Patches};
+use rule::Schedule;
 pub use rule::StepRule;
 pub use state::DescentState;
 use state::{CellMixtures, Cells};
@@ -111,7 +112,7 @@ impl Strategy for Descent {
 
     /// Its opening's among them.
     fn iterations(&self) -> u32 {
-        40
+        30
     }
 
     fn check(&self) -> Result<(), RefineError> {
@@ -295,9 +296,17 @@ impl Descent {
         if let Some(noise) = noise {
             state.take_noise(loss, noise);
         }
-        let moved = step::take(self, Cells::of(setup), state, tools, gradient);
+        if state.settled.is_none() && settled(&state.losses) {
+            state.settled = Some(state.steps);
+        }
+        let schedule = Schedule::new(setup.iterations.saturating_sub(self.opening_steps), state.settled);
+        let moved = step::take(self, Cells::of(setup), state, tools, schedule, gradient);
+        let ended = match self.rule {
+            StepRule::Adam => schedule.is_over(state.steps),
+            _ => settled(&state.losses),
+        };
         state.steps += 1;
-        Moved { loss: Some(loss), noise, step: Some(moved), settled: settled(&state.losses) }
+        Moved { loss: Some(loss), noise, step: Some(moved), settled: ended }
     }
 
     /// Bounds of the curvature by inks, but for a factor, from some of the points.

@@ -25,23 +25,59 @@ pub enum StepRule {
 
 /// Share of the past in the running mean of squares: of a hundred steps, since there are few.
 const SQUARES: f32 = 0.99;
-/// The first step of [`StepRule::Adam`], as a share of a cell.
-const ADAM_STEP: f32 = 0.05;
+/// The longest step of [`StepRule::Adam`], as a share of a cell.
+const ADAM_STEP: f32 = 0.1;
+/// Steps until it is reached: the first derivatives say which way, but not yet how surely.
+const WARM_UP: u32 = 4;
+/// Steps that follow once the loss no longer falls, ever shorter: what is left of noise goes.
+const LAST_STEPS: u32 = 6;
 /// A mean is at most so many root mean squares long: by Cauchy and Schwarz, without momentum 1 / sqrt(1 - [`SQUARES`]).
 const LONGEST: f32 = 10.0;
+
+/// When the steps of [`StepRule::Adam`] end: their lengths go down a line to nothing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Schedule {
+    /// All steps that there are iterations for.
+    steps: u32,
+    /// Those before the loss no longer fell.
+    settled: Option<u32>,
+}
+
+impl Schedule {
+    pub(super) fn new(steps: u32, settled: Option<u32>) -> Self {
+        Self { steps, settled }
+    }
+
+    /// True when nothing is left to gain of a step and those after it.
+    pub(super) fn is_over(self, step: u32) -> bool {
+        self.settled.is_some_and(|settled| step >= settled + LAST_STEPS)
+    }
+
+    /// The length of a step, as a share of a cell.
+    pub(super) fn length(self, step: u32) -> f32 {
+        let left = |step: u32, steps: u32| 1.0 - step as f32 / (steps as f32 + 1.0);
+        let left = match self.settled {
+            Some(settled) if step > settled => left(settled, self.steps) * left(step - settled, LAST_STEPS),
+            _ => left(step, self.steps),
+        };
+        let warm = (step + 1) as f32 / WARM_UP as f32;
+        ADAM_STEP * warm.min(1.0) * left.max(0.0)
+    }
+}
 
 /// [`StepRule::Adam`] at one of its steps.
 pub(super) struct Adam {
     momentum: f32,
+    length: f32,
     /// What the means lack, since they begin with nothing.
     corrections: [f32; 2],
 }
 
 impl Adam {
     /// Its step after `steps`.
-    pub(super) fn new(momentum: f32, steps: u32) -> Self {
+    pub(super) fn new(momentum: f32, steps: u32, schedule: Schedule) -> Self {
         let whole = |share: f32| 1.0 - share.powf(steps as f32 + 1.0);
-        Self { momentum, corrections: [whole(momentum), whole(SQUARES)] }
+        Self { momentum, length: schedule.length(steps), corrections: [whole(momentum), whole(SQUARES)] }
     }
 
     /// The root mean square after a derivative.
@@ -58,7 +94,7 @@ impl Adam {
         let over = (next / after.max(f32::MIN_POSITIVE)).clamp(-LONGEST, LONGEST);
         *mean = (over * unit).round() as i16;
         let [first, second] = self.corrections;
-        -ADAM_STEP * over / first * second.sqrt()
+        -self.length * over / first * second.sqrt()
     }
 }
 
@@ -97,12 +133,30 @@ mod tests {
             (m, v) = (0.9 * m + 0.1 * g, 0.99 * v + 0.01 * g * g);
             let power = t as i32 + 1;
             let (m_hat, v_hat) = (m / (1.0 - 0.9f64.powi(power)), v / (1.0 - 0.99f64.powi(power)));
-            let adam = Adam::new(0.9, t as u32);
+            let schedule = Schedule::new(20, None);
+            let adam = Adam::new(0.9, t as u32, schedule);
             let after = adam.root_mean_square(root, g as f32);
             let step = adam.step(&mut mean, root, after, g as f32);
             root = after;
-            let wanted = -f64::from(ADAM_STEP) * m_hat / v_hat.sqrt();
+            let wanted = -f64::from(schedule.length(t as u32)) * m_hat / v_hat.sqrt();
             assert!((f64::from(step) - wanted).abs() < 1e-4, "{t}: {step} {wanted}");
         }
+    }
+
+    #[test]
+    fn steps_grow_then_shrink_to_nothing() {
+        let all = Schedule::new(12, None);
+        let lengths: Vec<f32> = (0..12).map(|step| all.length(step)).collect();
+        assert!(lengths[..4].is_sorted() && lengths[3..].is_sorted_by(|a, b| a > b), "{lengths:?}");
+        assert!(lengths.iter().all(|l| (0.0..=ADAM_STEP).contains(l)) && lengths[11] < 0.02, "{lengths:?}");
+        assert!(!all.is_over(11));
+    }
+
+    #[test]
+    fn steps_end_soon_after_the_loss_has_settled() {
+        let [all, early] = [None, Some(10)].map(|settled| Schedule::new(40, settled));
+        assert!((0..=10).all(|step| early.length(step) == all.length(step)));
+        assert!(early.length(11) < all.length(11) && early.length(16) < 0.15 * early.length(10));
+        assert!(!early.is_over(15) && early.is_over(16));
     }
 }

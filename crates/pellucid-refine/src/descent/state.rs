@@ -38,6 +38,8 @@ pub struct DescentState {
     /// The last derivatives, where the rule needs them.
     #[serde(with = "crate::packed::floats")]
     pub(super) last_gradient: Vec<f32>,
+    /// The steps taken when the loss no longer fell.
+    pub(super) settled: Option<u32>,
     /// The loss of each iterate of descent since paths were last doubled.
     pub(super) losses: Vec<f64>,
     /// How often the paths of predictions were doubled.
@@ -99,6 +101,9 @@ impl DescentState {
         }
         if self.curvatures.len() != values {
             return invalid("lacks curvatures");
+        }
+        if self.steps > setup.iterations || self.settled.is_some_and(|settled| settled > self.steps) {
+            return invalid("has taken more steps than there are");
         }
         if self.doublings > MOST_DOUBLINGS {
             return invalid("has more paths than it may");

@@ -4,7 +4,7 @@ use pellucid_core::{Cancelled, Control};
 use rayon::prelude::*;
 
 use super::patches::Patches;
-use super::rule::{Adam, StepRule, barzilai_borwein};
+use super::rule::{Adam, Schedule, StepRule, barzilai_borwein};
 use super::state::{Cells, DescentState, MOVE, WHOLE};
 use super::{Descent, DescentTools};
 use crate::SurfaceSmoother;
@@ -12,7 +12,7 @@ use crate::problem::MAX_LABELS;
 
 /// Inks that are smoothed together.
 const TOGETHER: usize = 4;
-/// Steps after which lengths are half of the first: what is left is smaller, and noise averages out.
+/// Steps by the bound after which lengths are half of the first: what is left is smaller, and noise averages out.
 const DECAY: f32 = 20.0;
 /// The most that a share changes in a step.
 const MOST: f32 = 0.25;
@@ -23,9 +23,10 @@ pub(super) fn take(
     cells: Cells,
     state: &mut DescentState,
     tools: &DescentTools,
+    schedule: Schedule,
     gradient: Vec<f32>,
 ) -> f64 {
-    let by = By::of(descent, tools, state, &gradient, cells);
+    let by = By::of(descent, tools, state, schedule, &gradient, cells);
     let row = cells.row();
     let most = state.most_curvature;
     let known = &state.patches;
@@ -43,7 +44,7 @@ pub(super) fn take(
                     (patch.length / shorter, if patch.rose { 0.0 } else { descent.momentum })
                 }
                 By::One(length) => (length, 0.0),
-                By::Adam(_) => (1.0 / shorter, 0.0),
+                By::Adam(_) => (1.0, 0.0),
             };
             let mut total = 0.0;
             for layer in 0..cells.layers {
@@ -99,6 +100,7 @@ impl<'t> By<'t> {
         descent: &Descent,
         tools: &'t DescentTools,
         state: &mut DescentState,
+        schedule: Schedule,
         gradient: &[f32],
         cells: Cells,
     ) -> Self {
@@ -112,7 +114,7 @@ impl<'t> By<'t> {
                         gradient.iter().fold(f32::MIN_POSITIVE, |most, d| most.max(d.abs()));
                     state.curvatures = vec![u8::MAX; gradient.len()];
                 }
-                Self::Adam(Adam::new(descent.momentum, state.steps))
+                Self::Adam(Adam::new(descent.momentum, state.steps, schedule))
             }
         }
     }
