@@ -140,8 +140,8 @@ mod tests {
     #[test]
     fn a_pattern_lies_in_the_band_of_its_period() {
         let (size, pitch) = ([150, 90], [0.04, 0.08]);
-        // 12 and 10 waves a face.
-        for (axis, period) in [(0, 0.5), (1, 0.72)] {
+        // Twelve waves a face.
+        for (axis, period) in [(0, 0.5), (1, 0.6)] {
             let at = |k: usize| [(k / size[1]) as f64 * pitch[0], (k % size[1]) as f64 * pitch[1]];
             let wave = |k: usize| [5.0 + 2.0 * (TAU * at(k)[axis] / period).cos(), 0.0, 0.0];
             let face: Vec<_> = (0..size[0] * size[1]).map(wave).collect();
