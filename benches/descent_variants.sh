@@ -35,8 +35,8 @@ printf '| variant | voxel | 0.1 mm | sharpness | seconds |\n| --- | ---: | ---: 
 variant "surface-first" '' --strategy surface-first
 variant "descent" ''
 variant "descent, another seed" '' --seed 1
-variant "20 iterations, not 40" '' --iterations 20
-variant "80 iterations" '' --iterations 80
+variant "20 iterations, not 30" '' --iterations 20
+variant "40 iterations" '' --iterations 40
 variant "4 paths a point in the prediction, not 8" '"spp": 4'
 variant "16 paths a point in the prediction" '"spp": 16'
 variant "2 paths a point in the derivative, not 4" '"gradient_spp": 2.0'
@@ -48,6 +48,7 @@ variant "prediction by averaged paths, 8 of them" '"spp": 8' --predictor rpnn
 variant "prediction by averaged paths, the newest at least 0.2" '"newest": 0.2' --predictor rpnn
 variant "prediction by averaged paths, the newest at least 0.05" '"newest": 0.05' --predictor rpnn
 variant "contrast 0, not 2" '"descent": { "contrast": 0.0 }'
+variant "chroma 0, not 1" '"descent": { "chroma": 0.0 }'
 variant "24 layers, not 12" '"refine": { "layers": 24 }'
 variant "momentum 0.7, not 0.9" '"descent": { "momentum": 0.7 }'
 variant "opened by no step of surface-first, not 5" '"descent": { "opening_steps": 0 }'

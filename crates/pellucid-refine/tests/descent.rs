@@ -173,6 +173,7 @@ fn a_damaged_state_and_settings_out_of_range_are_named() {
     for (field, strategy) in [
         ("momentum", Descent { momentum: 1.0, ..descent() }),
         ("contrast", Descent { contrast: 11.0, ..descent() }),
+        ("chroma", Descent { chroma: -1.0, ..descent() }),
         ("forgiveness", Descent { forgiveness: -0.1, ..descent() }),
         ("opening_steps", Descent { opening_steps: 101, ..descent() }),
     ] {

@@ -9,6 +9,8 @@ use crate::low_pass::LowPass;
 
 /// Differences beyond this count in proportion, not by their square (Huber): a few far outliers do not decide.
 const HUBER: f32 = 20.0;
+/// Chroma of an aim from which on what is missing of it counts in full: of a grey, noise would be taken for it.
+const COLOURED: f32 = 10.0;
 
 /// How differences are weighed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +19,8 @@ pub(super) struct Weights {
     pub forgiveness: f32,
     /// How many times more differences of lightness count as far as they are of local contrast.
     pub contrast: f32,
+    /// How many times more differences of chroma count where it is missing.
+    pub chroma: f32,
 }
 
 /// Gradient by a shown colour, and curvature times reach.
@@ -29,7 +33,7 @@ pub(super) struct Scale {
     /// By what a* and b* are multiplied, the rows of a 2 x 2 matrix; L* counts as it is.
     rows: Vec<[f32; 4]>,
     weight: f32,
-    contrast: f32,
+    weights: Weights,
 }
 
 /// The loss at every point, and its derivatives.
@@ -54,7 +58,7 @@ impl Scale {
         let smooth = smoother.smooth(aim.to_vec(), control)?;
         let aim: Vec<[f32; 3]> = smooth.par_iter().map(|&rgb| lab(rgb)).collect();
         let rows = aim.par_iter().map(|&lab| weights.rows(lab)).collect();
-        Ok(Self { aim, rows, weight, contrast: weights.contrast })
+        Ok(Self { aim, rows, weight, weights })
     }
 
     /// Adds the loss of shown colours and its gradient; the curvature too where `reach` says how far a full step would move
@@ -76,7 +80,8 @@ impl Scale {
         let contrast = low_pass.contrast(differences.iter().map(|d| d[0]).collect(), control)?;
         let points = smooth.par_iter().enumerate().zip(&self.rows).zip(&differences).zip(&contrast);
         let each = points.map(|((((i, &rgb), rows), &difference), &contrast)| {
-            self.point(rgb, reach_of(i), rows, difference, contrast)
+            let lacking = if difference[1] < 0.0 { self.missing_chroma(i) } else { 0.0 };
+            self.point(rgb, reach_of(i), rows, difference, [contrast, lacking])
         });
         let (loss, slopes): (Vec<f32>, Vec<Slopes>) = each.unzip();
         let (gradient, curvature): (Vec<_>, Vec<_>) = slopes.into_iter().unzip();
@@ -105,9 +110,10 @@ impl Scale {
         let others = self.differences(&b);
         apart.par_iter_mut().zip(&others).for_each(|(a, b)| (0..3).for_each(|k| a[k] -= b[k]));
         let contrast = low_pass.contrast(apart.iter().map(|d| d[0]).collect(), control)?;
-        let each = apart.iter().zip(&contrast);
-        let squares = each.map(|(&d, &c)| {
-            let counted = self.counted(d, c);
+        let each = apart.iter().zip(&contrast).enumerate();
+        let squares = each.map(|(i, (&d, &c))| {
+            // Noise takes chroma away as often as it adds some.
+            let counted = self.counted(d, [c, 0.5 * self.missing_chroma(i)]);
             (0..3).map(|k| f64::from(d[k] * counted[k])).sum::<f64>()
         });
         Ok(0.5 * f64::from(self.weight) * squares.sum::<f64>())
@@ -123,23 +129,30 @@ impl Scale {
         each.collect()
     }
 
-    /// A weighed difference, with its lightness's local contrast counted more.
-    fn counted(&self, [l, a, b]: [f32; 3], contrast: f32) -> [f32; 3] {
-        [l + self.contrast * contrast, a, b]
+    /// How many times more a difference of chroma counts where it is missing.
+    fn missing_chroma(&self, point: usize) -> f32 {
+        let [_, a, b] = self.aim[point];
+        self.weights.chroma * (a.hypot(b) / COLOURED).min(1.0)
     }
 
-    /// Loss, gradient, and curvature times reach at one point, given the weighed difference and what of lightness's is
-    /// of local contrast. Leaving the mean out is taken for a projection: doing so twice would change nothing.
+    /// A weighed difference, with what of lightness's is of local contrast counted more, and chroma's so many times more.
+    fn counted(&self, [l, chroma, hue]: [f32; 3], [contrast, lacking]: [f32; 2]) -> [f32; 3] {
+        [l + self.weights.contrast * contrast, (1.0 + lacking) * chroma, hue]
+    }
+
+    /// Loss, gradient, and curvature times reach at one point, given the weighed difference, what of lightness's is
+    /// of local contrast, and how many times more that of chroma counts. Leaving the mean out is taken for a projection:
+    /// doing so twice would change nothing.
     fn point(
         &self,
         rgb: [f32; 3],
         reach: [f32; 3],
         rows: &[f32; 4],
         difference: [f32; 3],
-        contrast: f32,
+        more: [f32; 2],
     ) -> (f32, Slopes) {
         let by_rgb = lab_derivative_of_linear_rgb(rgb);
-        let counted = self.counted(difference, contrast);
+        let counted = self.counted(difference, more);
         let length = (0..3).map(|k| difference[k] * counted[k]).sum::<f32>().max(0.0).sqrt();
         let (loss, scale) = match length <= HUBER {
             true => (length * length, 1.0),
@@ -150,7 +163,7 @@ impl Scale {
             std::array::from_fn(|c| weighed(rows, std::array::from_fn(|k| by_rgb[k][c])));
         let along = |c: usize| -> f32 { (0..3).map(|k| columns[c][k] * counted[k]).sum() };
         let gradient = std::array::from_fn(|c| 2.0 * self.weight * scale * along(c));
-        let weights = [1.0 + self.contrast, 1.0, 1.0];
+        let weights = [1.0 + self.weights.contrast, 1.0 + more[1], 1.0];
         let both = |c: usize, d: usize| -> f32 {
             (0..3).map(|k| weights[k] * columns[c][k] * columns[d][k]).sum::<f32>().abs()
         };
@@ -197,16 +210,21 @@ mod tests {
 
     /// Sums of loss and of the gradient's size over a block's surface whose aim is mid grey and that shows another.
     fn of(contrast: f32, shown: impl Fn([u32; 3]) -> f32) -> (f32, f32) {
+        loss([0.3; 3], [contrast, 0.0], |v| [shown(v); 3])
+    }
+
+    /// The same of another aim, with weights of contrast and of missing chroma.
+    fn loss(aim: [f32; 3], [contrast, chroma]: [f32; 2], shown: impl Fn([u32; 3]) -> [f32; 3]) -> (f32, f32) {
         let control = Control::none();
         let frame = Frame::new([0.0; 3], Pitch::new([0.1; 3]).unwrap(), [30, 30, 30]).unwrap();
         let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
         let surface = Surface::extract(&grid, &SurfaceOptions::default(), &control).unwrap();
         let smoother = SurfaceSmoother::new(&surface, 0.0, &control).unwrap();
         let low_pass = LowPass::new(&surface, LOCAL_MM, &control).unwrap();
-        let weights = Weights { forgiveness: 0.5, contrast };
-        let aim = vec![[0.3; 3]; surface.len()];
+        let weights = Weights { forgiveness: 0.5, contrast, chroma };
+        let aim = vec![aim; surface.len()];
         let scale = Scale::new(&smoother, &aim, 1.0, weights, &control).unwrap();
-        let shown: Vec<[f32; 3]> = surface.voxels().iter().map(|&v| [shown(v); 3]).collect();
+        let shown: Vec<[f32; 3]> = surface.voxels().iter().map(|&v| shown(v)).collect();
         let count = surface.len();
         let mut found = Found {
             loss: vec![0.0; count],
@@ -231,5 +249,18 @@ mod tests {
         assert!(common.iter().all(|r| (r - 1.0).abs() < 1e-3), "{common:?}");
         // Of checks, whose 0.33 and 0.27 do not lie at equal distance from the aim in L*, a small mean is left.
         assert!(checks.iter().all(|r| (r - 3.0).abs() < 0.05), "{checks:?}");
+    }
+    #[test]
+    fn missing_chroma_counts_more_than_what_is_too_much() {
+        let (aim, grey) = ([0.4, 0.25, 0.1], [0.27; 3]);
+        // On the line from grey to the aim: less of its colour, and more.
+        let shown =
+            |share: f32| move |_: [u32; 3]| std::array::from_fn(|c| grey[c] + share * (aim[c] - grey[c]));
+        let ratio = |aim, share| loss(aim, [0.0, 1.0], shown(share)).0 / loss(aim, [0.0; 2], shown(share)).0;
+        let [less, more] = [0.8, 1.2].map(|share| ratio(aim, share));
+        assert!(less > 1.7 && less <= 2.0, "{less}");
+        assert!((more - 1.0).abs() < 1e-6, "{more}");
+        // A grey has no colour to miss.
+        assert!((ratio([0.3; 3], 0.8) - 1.0).abs() < 0.01);
     }
 }

@@ -65,6 +65,9 @@ pub struct Descent {
     /// How many times more a squared difference of lightness counts as far as its mean over a millimetre of surface
     /// leaves it out, 0 to 10: local contrast, against a mean that is met.
     pub contrast: f32,
+    /// How many times more a squared difference of chroma counts where the print has less than its aim, 0 to 10. Scattered
+    /// light makes colours paler, so that errors of both signs are no fair trade.
+    pub chroma: f32,
 }
 
 impl Default for Descent {
@@ -76,6 +79,7 @@ impl Default for Descent {
             momentum: 0.9,
             forgiveness: 0.5,
             contrast: 2.0,
+            chroma: 1.0,
         }
     }
 }
@@ -107,6 +111,7 @@ impl Strategy for Descent {
         all.push(("momentum", self.momentum.into()));
         all.push(("forgiveness", self.forgiveness.into()));
         all.push(("contrast", self.contrast.into()));
+        all.push(("chroma", self.chroma.into()));
         all
     }
 
@@ -122,6 +127,7 @@ impl Strategy for Descent {
             ("momentum", (0.0..1.0).contains(&self.momentum), "0 to below 1"),
             ("forgiveness", (0.0..=1.0).contains(&self.forgiveness), "0 to 1"),
             ("contrast", (0.0..=10.0).contains(&self.contrast), "0 to 10"),
+            ("chroma", (0.0..=10.0).contains(&self.chroma), "0 to 10"),
         ])
     }
 
@@ -170,7 +176,7 @@ impl Strategy for Descent {
     ) -> Result<DescentTools, RefineError> {
         let surface = setup.problem.object.surface();
         let fine = SurfaceSmoother::new(surface, FINE_MM, control)?;
-        let weights = Weights { forgiveness: self.forgiveness, contrast: self.contrast };
+        let weights = Weights { forgiveness: self.forgiveness, contrast: self.contrast, chroma: self.chroma };
         let low_pass = LowPass::new(surface, LOCAL_MM, control)?;
         let scales = aims::scales(setup, |aim, share| {
             let scale =

@@ -27,8 +27,8 @@ pub enum StepRule {
 const SQUARES: f32 = 0.99;
 /// The longest step of [`StepRule::Adam`], as a share of a cell.
 const ADAM_STEP: f32 = 0.1;
-/// Steps until it is reached: the first derivatives say which way, but not yet how surely.
-const WARM_UP: u32 = 4;
+/// Steps until it is reached, of many: the first derivatives say which way, but not yet how surely.
+const WARM_UP: u32 = 8;
 /// Steps that follow once the loss no longer falls, ever shorter: what is left of noise goes.
 const LAST_STEPS: u32 = 6;
 /// A mean is at most so many root mean squares long: by Cauchy and Schwarz, without momentum 1 / sqrt(1 - [`SQUARES`]).
@@ -60,7 +60,7 @@ impl Schedule {
             Some(settled) if step > settled => left(settled, self.steps) * left(step - settled, LAST_STEPS),
             _ => left(step, self.steps),
         };
-        let warm = (step + 1) as f32 / WARM_UP as f32;
+        let warm = (step + 1) as f32 / (self.steps / 3).clamp(1, WARM_UP) as f32;
         ADAM_STEP * warm.min(1.0) * left.max(0.0)
     }
 }
