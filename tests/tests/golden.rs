@@ -58,7 +58,7 @@ fn labels_of_a_small_job_by_descent_stay_as_they_are() {
     });
     assert_eq!(
         digests,
-        [10_201_966_626_067_112_231, 4_509_246_092_925_869_720],
+        [10_201_966_626_067_112_231, 17_092_498_874_813_434_647],
         "unrefined and refined labels"
     );
 }
