@@ -15,7 +15,7 @@ pub enum StepRule {
     /// patch by patch of the surface, with momentum.
     Bound,
     /// By running means of derivatives and of their squares (Kingma and Ba 2015), every share by itself; the momentum is
-    /// the first mean's share of the past.
+    /// the first mean's share of the past. Steps grow over the first few, and go down a line to nothing at the last.
     #[default]
     Adam,
     /// Against the bound, by one length for all that the last move and what it did to the derivative give (Barzilai and
