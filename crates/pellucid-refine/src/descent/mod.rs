@@ -309,7 +309,7 @@ impl Descent {
         let moved = step::take(self, Cells::of(setup), state, tools, schedule, gradient);
         let ended = match self.rule {
             StepRule::Adam => schedule.is_over(state.steps),
-            _ => settled(&state.losses),
+            _ => state.settled.is_some(),
         };
         state.steps += 1;
         Moved { loss: Some(loss), noise, step: Some(moved), settled: ended }
