@@ -192,7 +192,7 @@ impl Bricks {
     /// Brick number and voxel within it, at a position that counts the margin.
     #[inline(always)]
     pub(crate) fn locate(&self, v: [u32; 3]) -> (u32, u32) {
-        let b = v.map(|c| c / BRICK as u32);
+        let b = [v[0] / BRICK as u32, v[1] / BRICK as u32, v[2] / BRICK as u32];
         let at =
             (b[2] as usize * self.dims[1] as usize + b[1] as usize) * self.dims[0] as usize + b[0] as usize;
         (self.table[at], (v[2] & 3) << 4 | (v[1] & 3) << 2 | v[0] & 3)
@@ -212,7 +212,9 @@ impl Bricks {
     /// The byte of a voxel at a position that counts the margin; 0, air, past its end.
     #[inline(always)]
     pub(crate) fn byte(&self, v: [u32; 3]) -> u8 {
-        if (0..3).any(|a| v[a] >= self.dims[a] * BRICK as u32) {
+        let [x, y, z] = self.dims;
+        let edge = BRICK as u32;
+        if v[0] >= x * edge || v[1] >= y * edge || v[2] >= z * edge {
             return 0;
         }
         let (brick, local) = self.locate(v);

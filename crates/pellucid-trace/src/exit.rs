@@ -2,7 +2,7 @@
 //! smooth surface.
 
 use crate::fresnel::internal_reflectance_f32;
-use crate::march::{Flight, inner_side, solid, voxel};
+use crate::march::{Flight, byte, inner_side, voxel};
 use crate::volume::Volume;
 
 /// Most air voxels a path may pass to get back into the object across a step of the surface.
@@ -19,16 +19,23 @@ pub(crate) enum Outcome {
         position: [f32; 3],
         /// Unit direction in millimetres.
         direction: [f32; 3],
+        /// Byte of the voxel.
+        byte: u8,
     },
 }
 
-/// Where a flight through air gets back into the object within a few voxels.
-fn back_inside(volume: &Volume, position: [f32; 3], direction: [f32; 3]) -> Option<[f32; 3]> {
+/// Where a flight through air gets back into the object within a few voxels, and the voxel's byte there.
+#[inline(always)]
+fn back_inside(volume: &Volume, position: [f32; 3], direction: [f32; 3]) -> Option<([f32; 3], u8)> {
     let mut flight = Flight::new(volume.mm(), position, direction);
-    (0..NOTCH).find_map(|_| {
+    for _ in 0..NOTCH {
         flight.advance();
-        solid(volume.bricks(), flight.position).then_some(flight.position)
-    })
+        let byte = byte(volume.bricks(), flight.position);
+        if byte & 15 != 0 {
+            return Some((flight.position, byte));
+        }
+    }
+    None
 }
 
 /// A path that flew along `d` and just crossed a voxel face across `axis` into air at `position`
@@ -55,22 +62,22 @@ pub(crate) fn meet(
     face[axis] = if d[axis] > 0.0 { 1.0 } else { -1.0 };
     let mut normal = volume.normal(voxel(inner)).unwrap_or(face);
     if dot(d, normal) <= 0.0 {
-        if let Some(position) = back_inside(volume, position, d) {
-            return Outcome::Stay { position, direction: d };
+        if let Some((position, byte)) = back_inside(volume, position, d) {
+            return Outcome::Stay { position, direction: d, byte };
         }
         normal = face;
     }
     if u >= internal_reflectance_f32(dot(d, normal), index) {
         return Outcome::Leave;
     }
-    let reflected = reflect(d, normal);
-    if dot(reflected, face) < 0.0 {
-        return Outcome::Stay { position: inner, direction: reflected };
+    let mut direction = reflect(d, normal);
+    if dot(direction, face) >= 0.0 {
+        if let Some((position, byte)) = back_inside(volume, position, direction) {
+            return Outcome::Stay { position, direction, byte };
+        }
+        direction = reflect(d, face);
     }
-    match back_inside(volume, position, reflected) {
-        Some(position) => Outcome::Stay { position, direction: reflected },
-        None => Outcome::Stay { position: inner, direction: reflect(d, face) },
-    }
+    Outcome::Stay { position: inner, direction, byte: byte(volume.bricks(), inner) }
 }
 
 #[inline(always)]
@@ -81,5 +88,5 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 #[inline(always)]
 fn reflect(d: [f32; 3], n: [f32; 3]) -> [f32; 3] {
     let twice = 2.0 * dot(d, n);
-    std::array::from_fn(|a| d[a] - twice * n[a])
+    [d[0] - twice * n[0], d[1] - twice * n[1], d[2] - twice * n[2]]
 }

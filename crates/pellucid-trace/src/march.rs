@@ -14,20 +14,29 @@ pub(crate) struct Flight {
     rate: [f32; 3],
 }
 
+// Loops over axes, no closures: within the kernel they would not inherit its instruction set, and be called.
 impl Flight {
     /// From a position along a direction in millimetres, through voxels of edges `mm`.
+    #[inline(always)]
     pub(crate) fn new(mm: [f64; 3], position: [f32; 3], direction: [f32; 3]) -> Self {
-        Self { position, rate: std::array::from_fn(|a| direction[a] / mm[a] as f32) }
+        let mut rate = [0.0; 3];
+        for a in 0..3 {
+            rate[a] = direction[a] / mm[a] as f32;
+        }
+        Self { position, rate }
     }
 
     /// Moves to the next voxel face, onto its far side; returns the axis crossed.
+    #[inline(always)]
     pub(crate) fn advance(&mut self) -> usize {
-        // Positions are not negative: truncation is the floor.
-        let floor = self.position.map(|p| p as i32 as f32);
-        let plane: [f32; 3] =
-            std::array::from_fn(|a| if self.rate[a] > 0.0 { floor[a] + 1.0 } else { floor[a] });
-        let time: [f32; 3] =
-            std::array::from_fn(|a| (plane[a] - self.position[a]).abs() / self.rate[a].abs().max(1e-12));
+        let mut plane = [0.0; 3];
+        let mut time = [0.0; 3];
+        for a in 0..3 {
+            // Positions are not negative: truncation is the floor.
+            let floor = self.position[a] as i32 as f32;
+            plane[a] = if self.rate[a] > 0.0 { floor + 1.0 } else { floor };
+            time[a] = (plane[a] - self.position[a]).abs() / self.rate[a].abs().max(1e-12);
+        }
         let axis = if time[0] <= time[1] && time[0] <= time[2] {
             0
         } else if time[1] <= time[2] {
@@ -44,14 +53,22 @@ impl Flight {
 }
 
 /// The voxel of a position.
-#[inline]
+#[inline(always)]
 pub(crate) fn voxel(position: [f32; 3]) -> [u32; 3] {
-    position.map(|p| p as u32)
+    [position[0] as u32, position[1] as u32, position[2] as u32]
 }
 
 /// True where a position lies in a solid voxel.
+#[inline(always)]
 pub(crate) fn solid(bricks: &Bricks, position: [f32; 3]) -> bool {
-    position.iter().all(|&p| p >= 0.0) && bricks.byte(voxel(position)) & 15 != 0
+    byte(bricks, position) & 15 != 0
+}
+
+/// The byte of the voxel at a position; 0, air, outside.
+#[inline(always)]
+pub(crate) fn byte(bricks: &Bricks, position: [f32; 3]) -> u8 {
+    let [x, y, z] = position;
+    if x >= 0.0 && y >= 0.0 && z >= 0.0 { bricks.byte(voxel(position)) } else { 0 }
 }
 
 /// The point where the ray from a voxel's centre along `normal` leaves the object, on the inner

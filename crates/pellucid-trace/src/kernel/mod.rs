@@ -28,7 +28,6 @@ use step::{Constants, Events, Paths, Trail};
 use crate::bricks::Brick;
 use crate::coefficients::{Coefficients, Phase, SharedBands};
 use crate::exit::{self, Outcome};
-use crate::march::voxel;
 use crate::rng;
 use crate::tally::Tally;
 use crate::volume::Volume;
@@ -282,36 +281,29 @@ fn refill<L: Lanes, W: Work>(l: L, v: &mut Vector<L>, extra: &mut W::Extra<L>, w
 /// Decides what paths that met the surface do; returns those that leave.
 #[inline(always)]
 fn surface_events<L: Lanes>(l: L, volume: &Volume, index: f32, v: &mut Vector<L>, events: &Events<L>) -> u16 {
-    let air = l.mask_bits(events.air);
     let u = l.store(events.reflection);
     let axis = l.store_i(events.axis);
     let p = &mut v.paths;
-    let mut position = [l.store(p.position[0]), l.store(p.position[1]), l.store(p.position[2])];
-    let mut direction = [l.store(p.direction[0]), l.store(p.direction[1]), l.store(p.direction[2])];
-    let mut byte = l.store_i(p.byte);
+    let position = [l.store(p.position[0]), l.store(p.position[1]), l.store(p.position[2])];
+    let direction = [l.store(p.direction[0]), l.store(p.direction[1]), l.store(p.direction[2])];
     let mut left = 0;
-    for lane in bits(air) {
+    for lane in bits(l.mask_bits(events.air)) {
         let at = [position[0][lane], position[1][lane], position[2][lane]];
         let d = [direction[0][lane], direction[1][lane], direction[2][lane]];
         match exit::meet(volume, index, at, axis[lane] as usize % 3, d, u[lane]) {
             Outcome::Leave => left |= 1 << lane,
-            Outcome::Stay { position: at, direction: d } => {
+            Outcome::Stay { position: at, direction: d, byte } => {
+                // Lane by lane: a vector read back from memory would wait for lanes just written there.
+                let one = l.mask(1 << lane);
                 for a in 0..3 {
-                    position[a][lane] = at[a];
-                    direction[a][lane] = d[a];
+                    p.position[a] = l.select(one, l.splat(at[a]), p.position[a]);
+                    p.direction[a] = l.select(one, l.splat(d[a]), p.direction[a]);
                 }
-                byte[lane] = u32::from(volume.bricks().byte(voxel(at)));
+                let byte = l.floats(l.splat_i(u32::from(byte)));
+                p.byte = l.bits(l.select(one, byte, l.floats(p.byte)));
             }
         }
     }
-    if left == air {
-        return left;
-    }
-    for a in 0..3 {
-        p.position[a] = l.load(&position[a]);
-        p.direction[a] = l.load(&direction[a]);
-    }
-    p.byte = l.load_i(&byte);
     left
 }
 
