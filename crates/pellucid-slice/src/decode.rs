@@ -103,6 +103,10 @@ impl Image {
             return Err(SliceError::file(path, reason));
         }
         let reader = decoder.read_info().map_err(unreadable(path))?;
+        // The decoder panics where it expands such a one.
+        if reader.info().palette.as_ref().is_some_and(|palette| !palette.len().is_multiple_of(3)) {
+            return Err(SliceError::file(path, "is not a readable PNG: its palette ends within a colour"));
+        }
         Ok(Self { path: path.to_owned(), reader })
     }
 

@@ -137,6 +137,10 @@ fn open(
             source.invalid(object, reason, "save it again as PNG or JPEG")
         }
     };
+    if format == ImageFormat::Png && !palettes_are_whole(bytes) {
+        let reason = "the image cannot be decoded: its palette ends within a colour";
+        return Err(source.invalid(object, reason, "save it again as PNG or JPEG"));
+    }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut bounds = image::Limits::default();
     bounds.max_image_width = Some(limits.texture_edge);
@@ -163,6 +167,21 @@ fn open(
     }
     *budget -= cost;
     Ok((DynamicImage::from_decoder(decoder).map_err(undecodable)?, codes))
+}
+
+/// True where every palette of a PNG has three bytes a colour: its decoder panics at others.
+fn palettes_are_whole(png: &[u8]) -> bool {
+    let mut rest = png.get(8..).unwrap_or_default();
+    while let Some((length, after)) = rest.split_first_chunk::<4>() {
+        let length = u32::from_be_bytes(*length);
+        if after.starts_with(b"PLTE") && !length.is_multiple_of(3) {
+            return false;
+        }
+        // Its kind and its checksum.
+        let end = (length as usize).saturating_add(8);
+        rest = after.get(end..).unwrap_or_default();
+    }
+    true
 }
 
 /// Linear value of a 16-bit sRGB-encoded one.

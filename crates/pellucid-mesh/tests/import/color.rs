@@ -62,6 +62,14 @@ fn jpeg_and_sixteen_bit_png_decode() {
 }
 
 #[test]
+fn a_palette_that_ends_within_a_colour_is_refused() {
+    // The regression input of fuzzing: two by two pixels, seven bytes of palette, sound checksums.
+    let bytes = include_bytes!("palette-of-part-of-an-entry.png");
+    let error = textured_square(bytes).import().unwrap_err().to_string();
+    assert!(error.contains("palette ends within a colour"), "{error}");
+}
+
+#[test]
 fn factor_texture_and_vertex_colour_multiply() {
     let mut glb = textured_square(&png(1, 1, &[[255, 188, 255]]));
     glb.at("/materials/0/pbrMetallicRoughness")["baseColorFactor"] = json!([0.5, 0.5, 0.25, 0.1]);
