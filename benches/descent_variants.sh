@@ -35,12 +35,12 @@ printf '| variant | voxel | 0.1 mm | sharpness | seconds |\n| --- | ---: | ---: 
 variant "surface-first" '' --strategy surface-first
 variant "descent" ''
 variant "descent, another seed" '' --seed 1
-variant "20 iterations, not 30" '' --iterations 20
+variant "20 iterations, not 34" '' --iterations 20
 variant "40 iterations" '' --iterations 40
-variant "4 paths a point in the prediction, not 8" '"spp": 4'
-variant "16 paths a point in the prediction" '"spp": 16'
-variant "2 paths a point in the derivative, not 4" '"gradient_spp": 2.0'
-variant "8 paths a point in the derivative" '"gradient_spp": 8.0'
+variant "2 paths a point in the prediction, not 4" '"spp": 2'
+variant "8 paths a point in the prediction" '"spp": 8'
+variant "1 path a point in the derivative, not 2" '"gradient_spp": 1.0'
+variant "4 paths a point in the derivative" '"gradient_spp": 4.0'
 variant "derivative by the network" '"gradient": "network"'
 variant "prediction by averaged paths, the network between" '' --predictor rpnn
 variant "prediction by averaged paths, another seed" '' --predictor rpnn --seed 1

@@ -123,12 +123,15 @@ fn refined(model: &str, method: &str, settings: PrintSettings) -> Result<ModelRu
 fn points(job: &PrintJob, report: &pellucid::refine::RefineReport, values: usize) -> Vec<ModelPoint> {
     let (mut paths, mut seconds) = (0.0, 0.0);
     let derivative = 2.0 * f64::from(job.settings().gradient_spp);
+    let first = report.iterations.first().map_or(0, |i| i.paths);
     let each = report.iterations.iter().map(|i| {
         seconds += i.halftone_seconds + i.predict_seconds;
         let traced = paths + i.paths as f64 / values as f64;
         let point = ModelPoint { iteration: i.iteration, paths: traced, seconds, delta_e: i.smoothed.mean };
         // Only steps by derivatives have a loss.
-        paths = traced + if i.loss.is_some() { derivative } else { 0.0 };
+        // As predictions, they take twice the paths once steps are fine.
+        let effort = i.paths.checked_div(first).unwrap_or(1).min(2) as f64;
+        paths = traced + if i.loss.is_some() { effort * derivative } else { 0.0 };
         seconds += i.update_seconds;
         point
     });

@@ -229,8 +229,10 @@ impl BoundPredictor for BoundMonteCarlo {
     ) -> Result<(), PredictError> {
         let spp = self.settings.options.spp;
         let tracer = self.tracer(points, draw, spp, d_radiance.len(), control)?;
-        let (adjoint, pass) = (&self.settings.adjoint, draw.pass.number());
-        tracer.pullback_in(team, points, pass, d_radiance, adjoint, &mut Handed(out), control)?;
+        let mut adjoint = self.settings.adjoint;
+        adjoint.paths *= draw.effort.max(1) as f32;
+        let pass = draw.pass.number();
+        tracer.pullback_in(team, points, pass, d_radiance, &adjoint, &mut Handed(out), control)?;
         Ok(())
     }
 }

@@ -132,8 +132,8 @@ pub struct Draw {
     pub seed: u64,
     /// What the numbers are for.
     pub pass: Pass,
-    /// How many times the samples that a predictor's settings name are drawn in a prediction, at least 1: its variance
-    /// falls in proportion. Gradients, and predictors without random error, take no notice.
+    /// How many times the samples that a predictor's settings name are drawn in a prediction or a gradient, at least 1: its
+    /// variance falls in proportion. Predictors without random error take no notice.
     pub effort: u32,
 }
 

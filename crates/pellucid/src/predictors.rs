@@ -35,7 +35,7 @@ pub(crate) fn predictor(
     settings: &PrintSettings,
     team: &Arc<dyn Team>,
 ) -> Result<Arc<dyn Predictor>, PrintError> {
-    let mut tracer = own_paths(settings, settings.spp.unwrap_or(settings.strategy.spp(settings.predictor)))?;
+    let mut tracer = own_paths(settings, settings.spp.unwrap_or(settings.strategy.spp()))?;
     if settings.strategy == StrategyKind::Descent {
         tracer = tracer.with_pooled_adjoint().with_adjoint_paths(gradient_paths(settings))?;
     }

@@ -97,12 +97,12 @@ impl StrategyKind {
         }
     }
 
-    /// Paths a point and channel that its predictions need, [`PrintSettings::spp`], by a predictor that is settled.
-    pub fn spp(self, predictor: PredictorKind) -> u32 {
-        match (self, predictor) {
-            (Self::SurfaceFirst | Self::SurfaceColor, _) => 16,
-            (Self::Descent, PredictorKind::Rpnn) => 4,
-            (Self::Descent, PredictorKind::MonteCarlo | PredictorKind::Auto) => 8,
+    /// Paths a point and channel that its predictions need, [`PrintSettings::spp`]; descent doubles them once its steps are to
+    /// be fine, and again where much of the loss is noise.
+    pub fn spp(self) -> u32 {
+        match self {
+            Self::SurfaceFirst | Self::SurfaceColor => 16,
+            Self::Descent => 4,
         }
     }
 }
@@ -188,7 +188,7 @@ pub struct PrintSettings {
     /// Where it takes derivatives from.
     pub gradient: GradientKind,
     /// Mean number of paths a point and channel of [`GradientKind::Paths`] in each iteration, above 0, of three channels;
-    /// more channels share as many paths in all.
+    /// more channels share as many paths in all. Doubled once steps are to be fine.
     pub gradient_spp: f32,
     /// Seed of everything random.
     pub seed: u64,
@@ -248,7 +248,7 @@ impl Default for PrintSettings {
             surface_color: SurfaceColor::default(),
             descent: Descent::default(),
             gradient: GradientKind::default(),
-            gradient_spp: 4.0,
+            gradient_spp: 2.0,
             seed: 0,
             judge: Effort::default(),
             judge_spp: 3,
@@ -265,7 +265,7 @@ impl PrintSettings {
 
     /// Checks what does not need other crates' tables, and finds the label of white.
     pub(crate) fn check(&self) -> Result<u8, PrintError> {
-        let spp = self.spp.unwrap_or(self.strategy.spp(self.predictor));
+        let spp = self.spp.unwrap_or(self.strategy.spp());
         for (field, value) in
             [("spp", spp), ("judge_spp", self.judge_spp), ("judge_point_spp", self.judge_point_spp)]
         {

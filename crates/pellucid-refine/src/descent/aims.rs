@@ -18,6 +18,8 @@ pub(super) struct Loss {
     pub loss: Vec<f32>,
     /// By viewing.
     pub slopes: Vec<Slopes>,
+    /// 1 where chroma is missing, `[viewing][scale][point]`.
+    pub lacks: Vec<u8>,
 }
 
 /// By the colours shown in one viewing.
@@ -44,34 +46,41 @@ impl Loss {
 }
 
 impl DescentTools {
-    /// The loss and its gradient by the colours shown in every viewing; the weights of its `curvature` where asked for.
+    /// The loss and its gradient by the colours shown in every viewing, given where chroma `lacked` in the iterate before,
+    /// if there was one; the weights of its `curvature` where asked for.
     pub(super) fn loss(
         &self,
         setup: &Setup<'_>,
         seen: &Seen<'_>,
+        lacked: &[u8],
         curvature: bool,
         control: &Control<'_>,
     ) -> Result<Loss, RefineError> {
         let count = seen.shown.len();
         let mut loss = vec![0.0; count];
         let mut slopes = Vec::with_capacity(self.scales.len());
+        let mut lacks = Vec::with_capacity(2 * self.scales.len() * count);
+        let mut lacked = lacked.chunks(count.max(1));
         for (i, (aim, scales)) in setup.problem.aims().zip(&self.scales).enumerate() {
             let others = (i > 0).then(|| shown_in(aim.viewing, seen.radiance));
             let shown = others.as_deref().unwrap_or(seen.shown);
             let reach = curvature.then(|| reach(aim.viewing, shown));
             let mut found = Found {
                 loss,
+                lacks: Vec::new(),
                 gradient: vec![[0.0; 3]; count],
                 curvature: vec![[0.0; 3]; if curvature { count } else { 0 }],
             };
             for (scale, smoother) in scales.iter().zip([seen.smoother, &self.fine]) {
+                found.lacks = lacked.next().map(<[u8]>::to_vec).unwrap_or_default();
                 scale.add(smoother, &self.low_pass, shown, reach.as_deref(), &mut found, control)?;
+                lacks.append(&mut found.lacks);
             }
             loss = found.loss;
             let reach = reach.unwrap_or_default();
             slopes.push(Slopes { gradient: found.gradient, curvature: found.curvature, reach });
         }
-        Ok(Loss { loss, slopes })
+        Ok(Loss { loss, slopes, lacks })
     }
 
     /// What of the mean loss is the random error of one of two predictions of the same labels.

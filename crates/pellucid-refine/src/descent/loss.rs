@@ -40,6 +40,10 @@ pub(super) struct Scale {
 pub(super) struct Found {
     /// Of every surface voxel.
     pub loss: Vec<f32>,
+    /// 1 where the scale that is added next lacked chroma in the iterate before, which is replaced; empty before the first.
+    /// By the same prediction, noise that takes chroma away would count more than noise that adds some, and drive the print
+    /// past its aim.
+    pub lacks: Vec<u8>,
     /// By the shown colours.
     pub gradient: Vec<[f32; 3]>,
     /// A bound of the loss's curvature by the shown colours, given how far each would go; empty where it is not asked for.
@@ -78,9 +82,12 @@ impl Scale {
         let reach_of = |i: usize| reach.as_ref().map_or([0.0; 3], |reach| reach[i]);
         let differences = self.differences(&smooth);
         let contrast = low_pass.contrast(differences.iter().map(|d| d[0]).collect(), control)?;
+        let lacks = differences.par_iter().map(|d| u8::from(d[1] < 0.0)).collect();
+        let lacked = std::mem::replace(&mut found.lacks, lacks);
+        let lacked = if lacked.is_empty() { &found.lacks } else { &lacked };
         let points = smooth.par_iter().enumerate().zip(&self.rows).zip(&differences).zip(&contrast);
         let each = points.map(|((((i, &rgb), rows), &difference), &contrast)| {
-            let lacking = if difference[1] < 0.0 { self.missing_chroma(i) } else { 0.0 };
+            let lacking = if lacked[i] != 0 { self.missing_chroma(i) } else { 0.0 };
             self.point(rgb, reach_of(i), rows, difference, [contrast, lacking])
         });
         let (loss, slopes): (Vec<f32>, Vec<Slopes>) = each.unzip();
@@ -228,6 +235,7 @@ mod tests {
         let count = surface.len();
         let mut found = Found {
             loss: vec![0.0; count],
+            lacks: Vec::new(),
             gradient: vec![[0.0; 3]; count],
             curvature: vec![[0.0; 3]; count],
         };

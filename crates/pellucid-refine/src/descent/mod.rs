@@ -117,7 +117,7 @@ impl Strategy for Descent {
 
     /// Its opening's among them.
     fn iterations(&self) -> u32 {
-        30
+        34
     }
 
     fn check(&self) -> Result<(), RefineError> {
@@ -243,6 +243,8 @@ struct OwnStep {
     begun: Option<Box<DescentState>>,
     /// What is known of patches with what was seen, where the rule has them.
     patches: Vec<Patch>,
+    /// Where chroma is missing.
+    lacks: Vec<u8>,
     /// The mean loss seen, and what of it is noise, where that was measured.
     loss: f64,
     noise: Option<f64>,
@@ -263,8 +265,8 @@ impl Descent {
     ) -> Result<OwnStep, RefineError> {
         let mut begun = begun.map(Box::new);
         let bounded = begun.is_some() && self.rule != StepRule::Adam;
-        let found = tools.loss(setup, seen, bounded, control)?;
         let from = begun.as_deref().unwrap_or(state);
+        let mut found = tools.loss(setup, seen, &from.lacks, bounded, control)?;
         let mut known = from.patches.clone();
         if let Some(patches) = &tools.patches {
             patches.judge(&mut known, &found.loss);
@@ -273,17 +275,18 @@ impl Descent {
             true => Some(tools.noise(setup, seen, control)?),
             false => None,
         };
-        let draw = Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration));
+        let draw =
+            Draw::new(seen.draw.seed, Pass::Gradient(seen.iteration)).with_effort(from.gradient_effort());
         if let Some(begun) = begun.as_mut().filter(|_| bounded) {
             let by_inks = self.curvature(setup, tools, seen, draw, &found, control)?;
             begun.take_curvature(setup, &by_inks, found.expected(&setup.layers));
         }
-        let loss = found.mean();
+        let (loss, lacks) = (found.mean(), std::mem::take(&mut found.lacks));
         let d_shown = |viewing: usize, point: u32| found.slopes[viewing].gradient[point as usize];
         let mut gradient = pull(setup, seen, draw, &setup.points, d_shown, control)?;
         drop(found);
         step::smooth(Cells::of(setup), &mut gradient, &tools.fine, control)?;
-        Ok(OwnStep { begun, patches: known, loss, noise, gradient })
+        Ok(OwnStep { begun, patches: known, lacks, loss, noise, gradient })
     }
 
     fn take_own(
@@ -293,11 +296,11 @@ impl Descent {
         state: &mut DescentState,
         step: OwnStep,
     ) -> Moved {
-        let OwnStep { begun, patches, loss, noise, gradient } = step;
+        let OwnStep { begun, patches, lacks, loss, noise, gradient } = step;
         if let Some(begun) = begun {
             *state = *begun;
         }
-        state.patches = patches;
+        (state.patches, state.lacks) = (patches, lacks);
         state.losses.push(loss);
         if let Some(noise) = noise {
             state.take_noise(loss, noise);
@@ -305,13 +308,15 @@ impl Descent {
         if state.settled.is_none() && settled(&state.losses) {
             state.settled = Some(state.steps);
         }
-        let schedule = Schedule::new(setup.iterations.saturating_sub(self.opening_steps), state.settled);
+        let steps = setup.iterations.saturating_sub(self.opening_steps);
+        let schedule = Schedule::new(steps, state.settled);
         let moved = step::take(self, Cells::of(setup), state, tools, schedule, gradient);
         let ended = match self.rule {
             StepRule::Adam => schedule.is_over(state.steps),
             _ => state.settled.is_some(),
         };
         state.steps += 1;
+        state.refine_paths(steps);
         Moved { loss: Some(loss), noise, step: Some(moved), settled: ended }
     }
 

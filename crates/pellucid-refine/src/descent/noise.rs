@@ -11,7 +11,10 @@ const EVERY: u32 = 10;
 /// The part of the loss that may be noise: steps that follow noise undo one another's gains.
 const PART: f64 = 1.0 / 3.0;
 /// How often paths are doubled at most.
-pub(super) const MOST_DOUBLINGS: u8 = 2;
+pub(super) const MOST_DOUBLINGS: u8 = 3;
+/// After the first of so many parts of all steps paths are doubled whatever the noise: until then steps are long, and what noise does to
+/// them is undone by those that follow.
+const COARSE: u32 = 2;
 
 impl DescentState {
     /// The effort of predictions.
@@ -19,16 +22,36 @@ impl DescentState {
         1 << self.doublings
     }
 
-    /// True when the noise is to be measured: from time to time, while more effort can still be made, of predictors that
-    /// have any.
+    /// The effort of gradients, whose noise running means take away.
+    pub(super) fn gradient_effort(&self) -> u32 {
+        1 << self.doublings.min(1)
+    }
+
+    /// Doubles the paths once so many of all `steps` are taken that these are to become finer.
+    pub(super) fn refine_paths(&mut self, steps: u32) {
+        if self.doublings == 0 && COARSE * self.steps >= steps {
+            self.doublings = 1;
+            self.fine = Some(self.steps);
+        }
+    }
+
+    /// True when the noise is to be measured: from time to time once steps are fine, while more effort can still be made,
+    /// of predictors that have any.
     pub(super) fn asks_for_noise(&self) -> bool {
-        self.doublings < MOST_DOUBLINGS && self.steps.is_multiple_of(EVERY) && self.noise != Some(0.0)
+        let due = self.fine.is_some_and(|fine| (self.steps - fine).is_multiple_of(EVERY));
+        due && self.doublings < MOST_DOUBLINGS && self.noise != Some(0.0)
     }
 
     /// Takes in how much of a mean loss is noise: from now on so many paths that it would have been small. What was seen
     /// of losses before is brought to what it would have been then.
     pub(super) fn take_noise(&mut self, loss: f64, noise: f64) {
         self.noise = Some(noise);
+        if self.fine == Some(self.steps)
+            && let [coarse @ .., _] = &mut self.losses[..]
+        {
+            // Half the paths had twice the noise.
+            coarse.iter_mut().for_each(|loss| *loss -= noise);
+        }
         let before = self.doublings;
         let signal = (loss - noise).max(0.0);
         let left = |doublings: u8| noise / f64::from(1u32 << (doublings - before));
@@ -76,7 +99,7 @@ mod tests {
 
     #[test]
     fn paths_are_doubled_until_noise_is_a_third() {
-        for (doublings, noise, wanted) in [(0, 1.4, 0), (0, 1.6, 1), (0, 3.1, 2), (0, 9.0, 2), (1, 1.6, 2)] {
+        for (doublings, noise, wanted) in [(1, 1.4, 1), (1, 1.6, 2), (1, 3.1, 3), (1, 9.0, 3), (2, 1.6, 3)] {
             let mut state = state(doublings);
             state.take_noise(3.0 + noise, noise);
             assert_eq!((state.doublings, state.noise), (wanted, Some(noise)), "{doublings} {noise}");
@@ -86,9 +109,9 @@ mod tests {
 
     #[test]
     fn losses_seen_before_are_brought_to_the_new_noise() {
-        let mut state = state(0);
+        let mut state = state(1);
         state.take_noise(6.0, 4.0);
-        assert_eq!(state.effort(), 4);
+        assert_eq!((state.effort(), state.gradient_effort()), (8, 2));
         let patch = state.patches[0];
         // 2 + 4 becomes 2 + 1.
         assert_eq!((patch.loss, patch.least, patch.length, patch.rose), (5.0, 4.0, 3.0, true));
@@ -97,9 +120,26 @@ mod tests {
 
     #[test]
     fn a_prediction_without_noise_is_measured_once() {
-        let mut state = state(0);
+        let mut state = DescentState { fine: Some(0), ..state(1) };
         assert!(state.asks_for_noise());
         state.take_noise(3.0, 0.0);
-        assert!(!state.asks_for_noise() && state.effort() == 1);
+        assert!(!state.asks_for_noise() && state.effort() == 2);
+    }
+
+    #[test]
+    fn paths_are_doubled_for_the_fine_steps_and_noise_asked_for_from_then_on() {
+        let mut state = state(0);
+        let mut asked = Vec::new();
+        for step in 1..=29 {
+            state.steps = step;
+            state.refine_paths(29);
+            asked.extend(state.asks_for_noise().then_some(step));
+            assert_eq!(state.effort(), if step < 15 { 1 } else { 2 });
+        }
+        assert_eq!((asked, state.fine), (vec![15, 25], Some(15)));
+        // Losses of the coarse steps had twice the noise.
+        state = DescentState { steps: 15, losses: vec![7.0, 5.0, 3.0], ..state };
+        state.take_noise(3.0, 0.5);
+        assert_eq!(state.losses, [6.5, 4.5, 3.0]);
     }
 }

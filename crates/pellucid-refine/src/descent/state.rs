@@ -35,6 +35,9 @@ pub struct DescentState {
     /// The greatest bound.
     pub(super) most_curvature: f32,
     pub(super) patches: Vec<Patch>,
+    /// 1 where the last iterate lacked chroma, `[viewing][scale][point]`; empty before the first.
+    #[serde(with = "crate::packed::bytes")]
+    pub(super) lacks: Vec<u8>,
     /// The last derivatives, where the rule needs them.
     #[serde(with = "crate::packed::floats")]
     pub(super) last_gradient: Vec<f32>,
@@ -42,6 +45,8 @@ pub struct DescentState {
     pub(super) settled: Option<u32>,
     /// The loss of each iterate of descent since paths were last doubled.
     pub(super) losses: Vec<f64>,
+    /// The steps taken when paths were doubled for the fine steps.
+    pub(super) fine: Option<u32>,
     /// How often the paths of predictions were doubled.
     pub(super) doublings: u8,
     /// What of the loss was noise when last measured.
@@ -102,8 +107,14 @@ impl DescentState {
         if self.curvatures.len() != values {
             return invalid("lacks curvatures");
         }
-        if self.steps > setup.iterations || self.settled.is_some_and(|settled| settled > self.steps) {
+        if self.steps > setup.iterations
+            || [self.settled, self.fine].iter().flatten().any(|&step| step > self.steps)
+        {
             return invalid("has taken more steps than there are");
+        }
+        let lacks = 2 * setup.problem.aims().count() * setup.points.len();
+        if ![0, lacks].contains(&self.lacks.len()) {
+            return invalid("does not say of every surface voxel whether chroma is missing");
         }
         if self.doublings > MOST_DOUBLINGS {
             return invalid("has more paths than it may");

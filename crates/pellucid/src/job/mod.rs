@@ -91,7 +91,7 @@ impl PrintJob {
         };
         settings.refine.seed = settings.seed;
         if settings.predictor != PredictorKind::Auto {
-            settings.spp.get_or_insert(settings.strategy.spp(settings.predictor));
+            settings.spp.get_or_insert(settings.strategy.spp());
         }
         let iterations = match settings.strategy {
             StrategyKind::SurfaceFirst => settings.surface_first.iterations(),
