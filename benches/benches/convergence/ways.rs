@@ -25,7 +25,7 @@ enum By {
 /// The default of the first strategy, which the others are measured by.
 pub const SURFACE_FIRST: &str = "surface-first, 16 paths";
 /// The default of the second, and of the library.
-pub const DESCENT: &str = "descent, paths";
+pub const DESCENT: &str = "descent by paths";
 
 const fn way(name: &'static str, strategy: StrategyKind, by: By) -> Way {
     Way { name, strategy, by }
