@@ -56,8 +56,8 @@ pub struct Args {
     /// Device that runs the network in candle: cpu, cuda or metal; own kernels on the processor without it
     #[arg(long, value_name = "DEVICE", value_parser = device)]
     device: Option<NetworkDevice>,
-    /// Paths a surface point and channel in each iteration, where points are traced; without it 8, 4 beside
-    /// the network, 16 of surface-first
+    /// Paths a surface point and channel in each iteration, where points are traced; descent doubles them later; without it
+    /// 4, 16 of surface-first
     #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
     spp: Option<u32>,
     /// Refinement iterations at most; 30 without it, 10 of surface-first. 0 leaves the unrefined halftone

@@ -155,7 +155,7 @@ pub struct PrintSettings {
     #[serde(skip)]
     pub weights: Option<crate::NetworkWeights>,
     /// Paths a point and channel in each iteration: of every point, or of those that correct the network.
-    /// [`StrategyKind::spp`] where `None`.
+    /// [`StrategyKind::spp`] where `None`, which also says when descent takes more.
     pub spp: Option<u32>,
     /// How paths at some of the points correct the network.
     pub correction: Correction,

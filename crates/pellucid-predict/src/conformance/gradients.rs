@@ -60,8 +60,9 @@ impl Collected {
 
 /// A predictor that says it has a gradient gives the same calls for any number of threads and again, finite, for solid
 /// voxels of the region and materials of the table; sums that follow the weights linearly and add up over parts of the
-/// points (on average over draws where it has random error); stops when told; and refuses what does not fit. One that
-/// says it has none says so when asked. That the gradient is that of the prediction is for tests of one's own to show.
+/// points (on average over draws where it has random error); differ less between draws with more effort, if they differ;
+/// stops when told; and refuses what does not fit. One that says it has none says so when asked. That the gradient is that
+/// of the prediction is for tests of one's own to show.
 ///
 /// # Errors
 /// [`Violation`] otherwise.
@@ -97,6 +98,7 @@ pub fn gradients(predictor: &dyn Predictor, case: &Case) -> Result<(), Violation
         }
         linear_on_average(&trial, &bound)?;
     }
+    effort(&trial, &bound, &d_radiance)?;
 
     let size = case.labels.size();
     let region = [size.map(|s| s / 4), size.map(|s| s / 4 * 3)];
@@ -180,6 +182,32 @@ fn linear_on_average(trial: &Trial<'_>, bound: &Bound) -> Result<(), Violation> 
         )?;
     }
     Ok(())
+}
+
+/// More effort makes the gradients of two draws differ less, where they differ.
+fn effort(trial: &Trial<'_>, bound: &Bound, d_radiance: &[f32]) -> Result<(), Violation> {
+    const PAIRS: u32 = 4;
+    let pull = |pass: u32, effort: u32| {
+        let draw = Draw::new(DRAW.seed, Pass::Gradient(pass)).with_effort(effort);
+        pulled(trial, &**bound, draw, &trial.case.points, d_radiance, None)
+    };
+    let spread = |effort: u32| -> Result<f64, Violation> {
+        let mut sum = 0.0;
+        for pair in 0..PAIRS {
+            let (a, b) = (pull(2 * pair, effort)?, pull(2 * pair + 1, effort)?);
+            let both = a.sums.keys().chain(b.sums.keys().filter(|at| !a.sums.contains_key(at)));
+            sum += both.map(|at| (a.at(at) - b.at(at)).powi(2)).sum::<f64>();
+        }
+        Ok(sum)
+    };
+    let little = spread(1)?;
+    if little == 0.0 {
+        return Ok(());
+    }
+    let much = spread(8)?;
+    let what =
+        format!("the spread of gradients went from {little:.3e} to {much:.3e} by eight times the effort");
+    trial.ensure(much < 0.8 * little, what)
 }
 
 /// Weights that differ from point to point and channel to channel.

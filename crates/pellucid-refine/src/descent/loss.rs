@@ -221,7 +221,18 @@ mod tests {
     }
 
     /// The same of another aim, with weights of contrast and of missing chroma.
-    fn loss(aim: [f32; 3], [contrast, chroma]: [f32; 2], shown: impl Fn([u32; 3]) -> [f32; 3]) -> (f32, f32) {
+    fn loss(aim: [f32; 3], weights: [f32; 2], shown: impl Fn([u32; 3]) -> [f32; 3]) -> (f32, f32) {
+        let (loss, gradient, _) = loss_after(None, aim, weights, shown);
+        (loss, gradient)
+    }
+
+    /// The same after an iterate that lacked chroma everywhere or nowhere, and where this one does.
+    fn loss_after(
+        lacked: Option<u8>,
+        aim: [f32; 3],
+        [contrast, chroma]: [f32; 2],
+        shown: impl Fn([u32; 3]) -> [f32; 3],
+    ) -> (f32, f32, Vec<u8>) {
         let control = Control::none();
         let frame = Frame::new([0.0; 3], Pitch::new([0.1; 3]).unwrap(), [30, 30, 30]).unwrap();
         let grid = LabelGrid::from_tiles(frame, |_| Tile::Constant(5));
@@ -235,13 +246,13 @@ mod tests {
         let count = surface.len();
         let mut found = Found {
             loss: vec![0.0; count],
-            lacks: Vec::new(),
+            lacks: lacked.map(|lacked| vec![lacked; count]).unwrap_or_default(),
             gradient: vec![[0.0; 3]; count],
             curvature: vec![[0.0; 3]; count],
         };
         let reach = vec![[1.0; 3]; count];
         scale.add(&smoother, &low_pass, &shown, Some(&reach), &mut found, &control).unwrap();
-        (found.loss.iter().sum(), found.gradient.iter().flatten().map(|g| g.abs()).sum())
+        (found.loss.iter().sum(), found.gradient.iter().flatten().map(|g| g.abs()).sum(), found.lacks)
     }
 
     #[test]
@@ -270,5 +281,11 @@ mod tests {
         assert!((more - 1.0).abs() < 1e-6, "{more}");
         // A grey has no colour to miss.
         assert!((ratio([0.3; 3], 0.8) - 1.0).abs() < 0.01);
+
+        // What the iterate before lacked decides.
+        let after = |lacked, weight: f32, share| loss_after(Some(lacked), aim, [0.0, weight], shown(share));
+        let ratio = |lacked, share| after(lacked, 1.0, share).0 / after(lacked, 0.0, share).0;
+        assert!(ratio(1, 1.2) > 1.7 && (ratio(0, 0.8) - 1.0).abs() < 1e-6);
+        assert!(after(0, 1.0, 0.8).2.iter().all(|&l| l == 1) && after(1, 1.0, 1.2).2.iter().all(|&l| l == 0));
     }
 }

@@ -31,10 +31,6 @@ use state::{CellMixtures, Cells};
 const FINE_MM: f64 = 0.045;
 /// How much it counts beside [`RefineSettings::residual_blur_mm`](crate::RefineSettings::residual_blur_mm)'s.
 const FINE_WEIGHT: f32 = 0.25;
-/// The refinement has settled when the mean loss of the last steps lies by less than this part below that of as many
-/// before them.
-const SETTLED: f64 = 0.01;
-const LOOK_BACK: usize = 6;
 /// One surface voxel in so many is asked for the bound of the curvature, which is smooth.
 const CURVATURE_EVERY: u64 = 4;
 /// Of a surface of fewer, all are asked: chance might leave out whole parts of it.
@@ -305,9 +301,7 @@ impl Descent {
         if let Some(noise) = noise {
             state.take_noise(loss, noise);
         }
-        if state.settled.is_none() && settled(&state.losses) {
-            state.settled = Some(state.steps);
-        }
+        state.settle();
         let steps = setup.iterations.saturating_sub(self.opening_steps);
         let schedule = Schedule::new(steps, state.settled);
         let moved = step::take(self, Cells::of(setup), state, tools, schedule, gradient);
@@ -341,12 +335,4 @@ impl Descent {
         step::smooth(Cells::of(setup), &mut by_inks, &tools.fine, control)?;
         Ok(by_inks)
     }
-}
-
-/// True when the last steps hardly lowered the loss.
-fn settled(losses: &[f64]) -> bool {
-    let Some(before) = losses.len().checked_sub(2 * LOOK_BACK) else { return false };
-    let sum = |losses: &[f64]| losses.iter().sum::<f64>();
-    let (earlier, later) = losses[before..].split_at(LOOK_BACK);
-    sum(later) > (1.0 - SETTLED) * sum(earlier)
 }

@@ -12,9 +12,13 @@ const EVERY: u32 = 10;
 const PART: f64 = 1.0 / 3.0;
 /// How often paths are doubled at most.
 pub(super) const MOST_DOUBLINGS: u8 = 3;
-/// After the first of so many parts of all steps paths are doubled whatever the noise: until then steps are long, and what noise does to
-/// them is undone by those that follow.
+/// After the first of so many parts of all steps paths are doubled whatever the noise: until then steps are long, and what
+/// noise does to them is undone by those that follow.
 const COARSE: u32 = 2;
+/// The loss no longer falls when its mean over the last steps lies by less than this part below that of as many before
+/// them.
+const SETTLED: f64 = 0.01;
+const LOOK_BACK: usize = 6;
 
 impl DescentState {
     /// The effort of predictions.
@@ -27,11 +31,20 @@ impl DescentState {
         1 << self.doublings.min(1)
     }
 
-    /// Doubles the paths once so many of all `steps` are taken that these are to become finer.
+    /// Doubles the paths once so many of all `steps` are taken that these are to become fine, or the loss no longer falls:
+    /// it may be the noise of few paths that keeps it up.
     pub(super) fn refine_paths(&mut self, steps: u32) {
-        if self.doublings == 0 && COARSE * self.steps >= steps {
+        if self.doublings == 0 && (COARSE * self.steps >= steps || flat(&self.losses)) {
             self.doublings = 1;
             self.fine = Some(self.steps);
+            self.losses.drain(..self.losses.len().saturating_sub(LOOK_BACK));
+        }
+    }
+
+    /// Notes when the loss no longer falls by paths of the fine steps.
+    pub(super) fn settle(&mut self) {
+        if self.settled.is_none() && self.doublings > 0 && flat(&self.losses) {
+            self.settled = Some(self.steps);
         }
     }
 
@@ -68,6 +81,14 @@ impl DescentState {
             }
         }
     }
+}
+
+/// True when the last losses lie hardly below as many before them.
+fn flat(losses: &[f64]) -> bool {
+    let Some(before) = losses.len().checked_sub(2 * LOOK_BACK) else { return false };
+    let sum = |losses: &[f64]| losses.iter().sum::<f64>();
+    let (earlier, later) = losses[before..].split_at(LOOK_BACK);
+    sum(later) > (1.0 - SETTLED) * sum(earlier)
 }
 
 impl DescentTools {
@@ -141,5 +162,23 @@ mod tests {
         state = DescentState { steps: 15, losses: vec![7.0, 5.0, 3.0], ..state };
         state.take_noise(3.0, 0.5);
         assert_eq!(state.losses, [6.5, 4.5, 3.0]);
+    }
+
+    #[test]
+    fn a_loss_that_is_flat_by_few_paths_makes_steps_fine_and_must_stay_flat() {
+        let mut state = DescentState { losses: Vec::new(), ..state(0) };
+        let mut settled_at = None;
+        for step in 0..60 {
+            state.steps = step;
+            state.losses.push(5.0);
+            state.settle();
+            settled_at = settled_at.or(state.settled);
+            state.steps += 1;
+            state.refine_paths(100);
+        }
+        let look_back = LOOK_BACK as u32;
+        assert_eq!(state.fine, Some(2 * look_back));
+        assert_eq!(settled_at, Some(3 * look_back - 1));
+        assert_eq!((state.settled, state.effort()), (settled_at, 2));
     }
 }
