@@ -8,12 +8,13 @@ use crate::{RefineError, Seen, Setup};
 
 /// Steps from one measurement to the next: the loss falls, and noise stays.
 const EVERY: u32 = 10;
-/// The part of the loss that may be noise: steps that follow noise undo one another's gains.
-const PART: f64 = 1.0 / 3.0;
+/// The part of the loss that may be noise, of coarse steps and of fine ones: steps that follow noise undo one another's
+/// gains, and leave grain.
+const PARTS: [f64; 2] = [2.0 / 3.0, 1.0 / 3.0];
 /// How often paths are doubled at most.
 pub(super) const MOST_DOUBLINGS: u8 = 3;
-/// After the first of so many parts of all steps paths are doubled whatever the noise: until then steps are long, and what
-/// noise does to them is undone by those that follow.
+/// The first of so many parts of all steps is coarse: steps are long, and what noise does to them is undone by those that
+/// follow. From there on paths are at least doubled.
 const COARSE: u32 = 2;
 /// The loss no longer falls when its mean over the last steps lies by less than this part below that of as many before
 /// them.
@@ -31,27 +32,32 @@ impl DescentState {
         1 << self.doublings.min(1)
     }
 
-    /// Doubles the paths once so many of all `steps` are taken that these are to become fine, or the loss no longer falls:
-    /// it may be the noise of few paths that keeps it up.
+    /// Makes steps fine once so many of all `steps` are taken, or the loss no longer falls: it may be the noise of few
+    /// paths that keeps it up.
     pub(super) fn refine_paths(&mut self, steps: u32) {
-        if self.doublings == 0 && (COARSE * self.steps >= steps || flat(&self.losses)) {
+        if self.fine.is_some() || COARSE * self.steps < steps && !flat(&self.losses) {
+            return;
+        }
+        self.fine = Some(self.steps);
+        self.losses.drain(..self.losses.len().saturating_sub(LOOK_BACK));
+        if self.doublings == 0 {
             self.doublings = 1;
-            self.fine = Some(self.steps);
-            self.losses.drain(..self.losses.len().saturating_sub(LOOK_BACK));
+            let gone = self.noise.unwrap_or(0.0) / 2.0;
+            self.losses.iter_mut().for_each(|loss| *loss -= gone);
         }
     }
 
     /// Notes when the loss no longer falls by paths of the fine steps.
     pub(super) fn settle(&mut self) {
-        if self.settled.is_none() && self.doublings > 0 && flat(&self.losses) {
+        if self.settled.is_none() && self.fine.is_some() && flat(&self.losses) {
             self.settled = Some(self.steps);
         }
     }
 
-    /// True when the noise is to be measured: from time to time once steps are fine, while more effort can still be made,
-    /// of predictors that have any.
+    /// True when the noise is to be measured: from time to time, while more effort can still be made, of predictors that
+    /// have any.
     pub(super) fn asks_for_noise(&self) -> bool {
-        let due = self.fine.is_some_and(|fine| (self.steps - fine).is_multiple_of(EVERY));
+        let due = (self.steps - self.fine.unwrap_or(0)).is_multiple_of(EVERY);
         due && self.doublings < MOST_DOUBLINGS && self.noise != Some(0.0)
     }
 
@@ -59,16 +65,11 @@ impl DescentState {
     /// of losses before is brought to what it would have been then.
     pub(super) fn take_noise(&mut self, loss: f64, noise: f64) {
         self.noise = Some(noise);
-        if self.fine == Some(self.steps)
-            && let [coarse @ .., _] = &mut self.losses[..]
-        {
-            // Half the paths had twice the noise.
-            coarse.iter_mut().for_each(|loss| *loss -= noise);
-        }
+        let part = PARTS[usize::from(self.fine.is_some())];
         let before = self.doublings;
         let signal = (loss - noise).max(0.0);
         let left = |doublings: u8| noise / f64::from(1u32 << (doublings - before));
-        while self.doublings < MOST_DOUBLINGS && left(self.doublings) > PART * (signal + left(self.doublings))
+        while self.doublings < MOST_DOUBLINGS && left(self.doublings) > part * (signal + left(self.doublings))
         {
             self.doublings += 1;
         }
@@ -119,18 +120,22 @@ mod tests {
     }
 
     #[test]
-    fn paths_are_doubled_until_noise_is_a_third() {
-        for (doublings, noise, wanted) in [(1, 1.4, 1), (1, 1.6, 2), (1, 3.1, 3), (1, 9.0, 3), (2, 1.6, 3)] {
-            let mut state = state(doublings);
-            state.take_noise(3.0 + noise, noise);
-            assert_eq!((state.doublings, state.noise), (wanted, Some(noise)), "{doublings} {noise}");
-            assert_eq!(state.losses.is_empty(), wanted > doublings);
+    fn paths_are_doubled_until_noise_is_a_third_and_of_coarse_steps_two_thirds() {
+        let fine = [(1, 1.4, 1), (1, 1.6, 2), (1, 3.1, 3), (1, 9.0, 3), (2, 1.6, 3)];
+        let coarse = [(0, 5.9, 0), (0, 6.1, 1), (0, 12.1, 2), (1, 90.0, 3)];
+        for (cases, fine) in [(&fine[..], Some(0)), (&coarse[..], None)] {
+            for &(doublings, noise, wanted) in cases {
+                let mut state = DescentState { fine, ..state(doublings) };
+                state.take_noise(3.0 + noise, noise);
+                assert_eq!((state.doublings, state.noise), (wanted, Some(noise)), "{doublings} {noise}");
+                assert_eq!(state.losses.is_empty(), wanted > doublings);
+            }
         }
     }
 
     #[test]
     fn losses_seen_before_are_brought_to_the_new_noise() {
-        let mut state = state(1);
+        let mut state = DescentState { fine: Some(0), ..state(1) };
         state.take_noise(6.0, 4.0);
         assert_eq!((state.effort(), state.gradient_effort()), (8, 2));
         let patch = state.patches[0];
@@ -148,20 +153,25 @@ mod tests {
     }
 
     #[test]
-    fn paths_are_doubled_for_the_fine_steps_and_noise_asked_for_from_then_on() {
-        let mut state = state(0);
-        let mut asked = Vec::new();
-        for step in 1..=29 {
-            state.steps = step;
-            state.refine_paths(29);
-            asked.extend(state.asks_for_noise().then_some(step));
-            assert_eq!(state.effort(), if step < 15 { 1 } else { 2 });
+    fn paths_are_doubled_for_the_fine_steps_and_noise_is_asked_for_in_both() {
+        for noisy in [false, true] {
+            let mut state = DescentState { losses: Vec::new(), ..state(0) };
+            let mut asked = Vec::new();
+            for step in 0..29 {
+                state.steps = step;
+                state.refine_paths(29);
+                if state.asks_for_noise() {
+                    asked.push(step);
+                    state.take_noise(3.0, if noisy && step == 0 { 2.5 } else { 0.5 });
+                }
+                assert_eq!(state.effort(), if step < 15 && !noisy { 1 } else { 2 }, "{step}");
+            }
+            assert_eq!((asked, state.fine), (vec![0, 10, 15, 25], Some(15)));
         }
-        assert_eq!((asked, state.fine), (vec![15, 25], Some(15)));
         // Losses of the coarse steps had twice the noise.
-        state = DescentState { steps: 15, losses: vec![7.0, 5.0, 3.0], ..state };
-        state.take_noise(3.0, 0.5);
-        assert_eq!(state.losses, [6.5, 4.5, 3.0]);
+        let mut state = DescentState { steps: 15, losses: vec![7.0, 5.0], noise: Some(1.0), ..state(0) };
+        state.refine_paths(29);
+        assert_eq!(state.losses, [6.5, 4.5]);
     }
 
     #[test]
