@@ -299,8 +299,8 @@ pub fn markdown(runs: &[Run]) -> String {
         "Mean dE2000 to the printable target, voxel by voxel and as smoothed over so much of the surface, of labels \
          predicted with paths of the judge's own. Sharpness is the share of the target's local contrast. One seed; all \
          settings but those that a way is named by are the library's own for every object. Seconds are wall time from the \
-         model on. The library's default is descent by paths: 4 a point \
-         and channel in the first half of its steps, 8 or more in the second.\n\n\
+         model on. The library's default is descent by paths: 4 a point and channel in the first half of its steps unless \
+         noise is most of the loss, 8 or more in the second.\n\n\
          ## Where the default loses\n\n{}\n\
          ## What is reached\n\n{}\n\
          ## Which way is ahead\n\nThe least mean dE2000 at 0.1 mm that was reached so many minutes from the model on, of \

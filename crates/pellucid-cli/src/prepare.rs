@@ -60,7 +60,7 @@ pub struct Args {
     /// 4, 16 of surface-first
     #[arg(long, value_name = "N", value_parser = arguments::positive, allow_hyphen_values = true)]
     spp: Option<u32>,
-    /// Refinement iterations at most; 30 without it, 10 of surface-first. 0 leaves the unrefined halftone
+    /// Refinement iterations at most; 34 without it, 10 of surface-first. 0 leaves the unrefined halftone
     #[arg(long, value_name = "N", value_parser = arguments::count, allow_hyphen_values = true)]
     iterations: Option<u32>,
     /// Refine in sections so many mm high: takes the memory of a section with what is around it instead of that of the

@@ -43,9 +43,10 @@ pub struct DescentState {
     pub(super) last_gradient: Vec<f32>,
     /// The steps taken when the loss no longer fell.
     pub(super) settled: Option<u32>,
-    /// The loss of each iterate of descent since paths were last doubled.
+    /// The loss of each iterate of descent since paths were last doubled because of noise, and of some before steps became
+    /// fine.
     pub(super) losses: Vec<f64>,
-    /// The steps taken when paths were doubled for the fine steps.
+    /// The steps taken before they became fine.
     pub(super) fine: Option<u32>,
     /// How often the paths of predictions were doubled.
     pub(super) doublings: u8,
