@@ -162,7 +162,7 @@ mod tests {
                 state.refine_paths(29);
                 if state.asks_for_noise() {
                     asked.push(step);
-                    state.take_noise(3.0, if noisy && step == 0 { 2.5 } else { 0.5 });
+                    state.take_noise(3.0, if noisy && step == 0 { 2.2 } else { 0.5 });
                 }
                 assert_eq!(state.effort(), if step < 15 && !noisy { 1 } else { 2 }, "{step}");
             }
