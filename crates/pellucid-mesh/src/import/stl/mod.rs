@@ -36,8 +36,8 @@ fn is_binary(bytes: &[u8]) -> bool {
     if exact == Some(bytes.len() as u64) {
         return true;
     }
-    let first =
-        text::words(&without_mark(bytes)[..bytes.len().min(256)]).next().map(<[u8]>::to_ascii_lowercase);
+    let start = without_mark(bytes);
+    let first = text::words(&start[..start.len().min(256)]).next().map(<[u8]>::to_ascii_lowercase);
     first.as_deref() != Some(b"solid") || bytes.iter().take(1024).any(|&b| b == 0)
 }
 
