@@ -163,21 +163,18 @@ fn a_damaged_state_and_settings_out_of_range_are_named() {
     for _ in 0..5 {
         refinement.step(&mut labels, &mut bound, &Control::none()).unwrap();
     }
-    let mut json: serde_json::Value = serde_json::to_value(refinement.save().state).unwrap();
-    json["inks"] = json["moves"].clone();
-    let mut saved = refinement.save();
-    saved.state = serde_json::from_value(json).unwrap();
-    let error =
-        Refinement::resume(slab.problem(), descent(), settings(9), saved, &Control::none()).err().unwrap();
-    assert!(matches!(error, RefineError::Invalid(_)) && error.to_string().contains("mixture"), "{error}");
-
-    let mut json: serde_json::Value = serde_json::to_value(refinement.save().state).unwrap();
-    json["lacks"] = json["curvatures"].clone();
-    let mut saved = refinement.save();
-    saved.state = serde_json::from_value(json).unwrap();
-    let error =
-        Refinement::resume(slab.problem(), descent(), settings(9), saved, &Control::none()).err().unwrap();
-    assert!(error.to_string().contains("whether chroma is missing"), "{error}");
+    for (field, other, text) in
+        [("inks", "moves", "mixture"), ("lacks", "curvatures", "whether chroma is missing")]
+    {
+        let mut json: serde_json::Value = serde_json::to_value(refinement.save().state).unwrap();
+        json[field] = json[other].clone();
+        let mut saved = refinement.save();
+        saved.state = serde_json::from_value(json).unwrap();
+        let error = Refinement::resume(slab.problem(), descent(), settings(9), saved, &Control::none())
+            .err()
+            .unwrap();
+        assert!(matches!(error, RefineError::Invalid(_)) && error.to_string().contains(text), "{error}");
+    }
 
     for (field, strategy) in [
         ("momentum", Descent { momentum: 1.0, ..descent() }),
